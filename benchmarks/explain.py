@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> None:
 def _by_call(folder: Path, into: Path) -> str:
     """In this process; returns what went wrong, or nothing."""
     from schwung.drivetrain import load_machine
-    from schwung.explain.weighing.published import publish
+    from schwung.explain.publishing.publish import publish
     from schwung.session import read_session
 
     session, machine = read_session(folder / "session.h5"), load_machine(folder / "machine.toml")

@@ -27,11 +27,11 @@ from strangers import STRANGERS, belief_of, session_of
 
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.judged import Judged, judged, judged_by
-from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.published import published_of
-from schwung.explain.weighing.values import Proof
+from schwung.explain.causes.along import Along
+from schwung.explain.causes.known import Known
+from schwung.explain.publishing.judged import Judged, judged, judged_by
+from schwung.explain.publishing.publish import published_of
+from schwung.explain.publishing.values import Proof
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 from schwung.innovations.effect import Effect
 from schwung.session import read_session

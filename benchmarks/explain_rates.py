@@ -35,7 +35,7 @@ from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.work import MOST, Work
 from schwung.session import read_session
 from schwung.session.model import Session

@@ -42,7 +42,7 @@ from schwung.drivetrain import FeedForward
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor
 from schwung.explain.weighing.experiment import Rivals
-from schwung.explain.weighing.publication import NAMED
+from schwung.explain.weighing.values import NAMED
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 from schwung.session.model import Run, Session
 from schwung_sim.errors import BenchError

@@ -11,9 +11,9 @@ import pytest
 from bench_machine import desk, guessed_machine
 
 from schwung.drivetrain import Control, InertiaTable, Machine
+from schwung.explain.publishing.publish import publish
+from schwung.explain.publishing.values import Published
 from schwung.explain.values import Quantity
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import publish
 from schwung.session import Session
 from schwung_sim.plants import Plant, make_plant
 from schwung_sim.plants.crank_kernel import MOTOR

@@ -15,8 +15,7 @@ from schwung.api.reports import explanation_note
 from schwung.cli import main
 from schwung.drivetrain import load_machine, paper_machine, write_machine
 from schwung.errors import InputError
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.values import Proof
+from schwung.explain.publishing.values import Proof, Published
 from schwung.session import Run, SessionWriter
 
 TIME = np.arange(400) / 1000

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.known import known
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import picked_signals_of
 from schwung.motion import Array

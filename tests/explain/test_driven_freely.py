@@ -14,8 +14,8 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain import free_run
-from schwung.explain.weighing import published
+from schwung.explain.publishing import free_run
+from schwung.explain.publishing import publish as published
 
 PLAIN = Stranger("viscous friction", ())
 

@@ -10,7 +10,7 @@ from strangers import STRANGERS, belief_of, session_of
 
 from schwung.drivetrain.fade import faded, heated
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.learned import Found, learned
+from schwung.explain.publishing.learned import Found, learned
 from schwung.explain.weighing.weigh import weigh
 from schwung.motion import Array
 

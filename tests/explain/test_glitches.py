@@ -7,7 +7,7 @@ import pytest
 from strangers import STRANGERS, belief_of, session_of
 
 from schwung.explain.plausibility import without_glitches
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 
 
 @pytest.fixture(scope="module")

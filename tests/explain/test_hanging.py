@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from sealed_sessions import fewer
 from strangers import STRANGERS, belief_of, session_of
 
-from schwung.explain.weighing.third_mass import explained, stiffened, third_mass
+from schwung.explain.causes.third_mass import explained, stiffened, third_mass
 from schwung.explain.weighing.weigh import weigh
 from schwung.motion import Array
 

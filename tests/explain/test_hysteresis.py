@@ -11,11 +11,11 @@ from schwung.drivetrain.hysteresis import yielded
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.presliding import bent
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.learned import Found, learned
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.publishing.learned import Found, learned
 from schwung.explain.weighing.round import View, at_rest
-from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.weigh import weigh
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import picked_signals_of

@@ -3,7 +3,7 @@
 import pytest
 from strangers import Stranger, belief_of, session_of
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 
 DRY = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
 

@@ -7,7 +7,7 @@ from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.presliding import bent
-from schwung.explain.weighing.learned import Found, learned
+from schwung.explain.publishing.learned import Found, learned
 from schwung.explain.weighing.weigh import weigh
 
 DISTANCE = 0.4

@@ -17,15 +17,15 @@ from schwung.drivetrain.machine import Machine, paper_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import residuals_of
 from schwung.errors import InputError
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.known import known
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.kept_aside import kept_aside
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.formula import formulas
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import _possible, _Publishing, publish
+from schwung.explain.publishing.formula import formulas
+from schwung.explain.publishing.learned import Found, learned, table
+from schwung.explain.publishing.publish import _possible, _Publishing, publish
+from schwung.explain.publishing.values import Published
 from schwung.explain.weighing.values import Parameter
-from schwung.explain.weighing.vocabulary import vocabulary
 
 ROOT = Stranger("friction over the root of speed", (), (0.0, 0.0, 0.22, 0.0))
 

@@ -7,12 +7,12 @@ import pytest
 from strangers import STRANGERS, belief_of
 
 from schwung.drivetrain import load_machine, write_machine
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.learned import Found, learned
-from schwung.explain.weighing.vocabulary import vocabulary
-from schwung.explain.weighing.written import sayable
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.known import known
+from schwung.explain.causes.vocabulary import vocabulary
+from schwung.explain.publishing.drawn_plane import PLANES, drawn_plane
+from schwung.explain.publishing.learned import Found, learned
+from schwung.explain.publishing.written import sayable
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
 

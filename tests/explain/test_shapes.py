@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Load, Machine, Motor
+from schwung.explain.publishing.publish import publish
 from schwung.explain.values import Quantity
-from schwung.explain.weighing.published import publish
 from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session
 

@@ -7,7 +7,7 @@ from sealed_sessions import fewer
 from strangers import ROTOR, STIFFNESS, STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.values import Weighed
 from schwung.explain.weighing.weigh import weigh
 

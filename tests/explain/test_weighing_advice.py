@@ -8,11 +8,10 @@ import numpy as np
 from probability_samples import answer
 
 from schwung.drivetrain import Machine, paper_machine
+from schwung.explain.causes.along import Ranges
+from schwung.explain.publishing.advice import advice
+from schwung.explain.publishing.values import Name, Proof, Published
 from schwung.explain.values import Quantity
-from schwung.explain.weighing.advice import advice
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.publication import Name, Published
-from schwung.explain.weighing.values import Proof
 
 RANGES = Ranges(0.0, 3.0, 20.0, 2e3, 100.0, 0.5, 0.04, 4, 160.0)
 

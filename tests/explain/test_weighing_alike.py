@@ -12,11 +12,11 @@ from stranger_plant import draw_hidden, stranger_belief, stranger_session
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.alike import misses_less
 from schwung.explain.weighing.round import Linearised, View, at_rest, torques_about
 from schwung.explain.weighing.sets import everything
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.likelihood import Noise, first_noise
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Load, Machine, Motor
-from schwung.explain.weighing.candidate import Missed
-from schwung.explain.weighing.vocabulary.line import finest_order
+from schwung.explain.causes.candidate import Missed
+from schwung.explain.causes.vocabulary.line import finest_order
 from schwung.explain.weighing.weigh import weigh
 from schwung.session.model import Run, Session
 

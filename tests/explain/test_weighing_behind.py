@@ -8,7 +8,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from strangers import STRANGERS, belief_of, session_of
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 
 DRAGS = next(one for one in STRANGERS if one.drags[0] > 0)
 

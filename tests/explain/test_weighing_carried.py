@@ -9,9 +9,9 @@ from integrated import TICK_S, shaken
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.round import View, at_rest
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _view
 from schwung.explain.weighing.work import Work
 from schwung.innovations.likelihood import Noise

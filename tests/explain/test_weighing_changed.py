@@ -6,8 +6,8 @@ from strangers import LOAD, LOAD_VISCOUS, Stranger, belief_of, session_of
 
 from schwung.drivetrain import Load
 from schwung.drivetrain.inertia import InertiaTable
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
+from schwung.explain.publishing.values import Published
 
 SCATTER = 0.005
 

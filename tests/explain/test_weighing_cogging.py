@@ -5,7 +5,7 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.effects import effects_of
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import weigh
 
 AMPLITUDE, ORDER = 0.5, 11.0

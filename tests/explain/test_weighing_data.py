@@ -7,14 +7,18 @@ import pytest
 from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.curves import Curve, Plane
+from schwung.explain.causes.equations import Acting, equations_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
+from schwung.explain.publishing.places import Acts
 from schwung.explain.weighing import offers
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
-from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.offers import (
     _neighbours,
     across_instead,
@@ -24,16 +28,12 @@ from schwung.explain.weighing.offers import (
     numbers_together,
     offered,
 )
-from schwung.explain.weighing.places import Acts
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.repeated import _curve
 from schwung.explain.weighing.search import HOPELESS, Pick, Search, slices
 from schwung.explain.weighing.sets import absent, members_of
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import taken_as_told
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _rms, weigh
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed

@@ -10,8 +10,8 @@ from strangers import STRANGERS, Stranger, belief_of, session_of
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Load
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.published import publish
+from schwung.explain.causes.along import Along
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import weigh
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from schwung.drivetrain import Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.learned import Found, learned
-from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.known import known
+from schwung.explain.causes.vocabulary import vocabulary
+from schwung.explain.publishing.learned import Found, learned
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import weigh
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))

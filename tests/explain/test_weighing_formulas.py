@@ -10,12 +10,12 @@ import pytest
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.candidate import Missed
-from schwung.explain.weighing.late import beyond_bent, lagging
-from schwung.explain.weighing.published import publish
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.candidate import Missed
+from schwung.explain.causes.late import beyond_bent, lagging
+from schwung.explain.causes.vocabulary.periodic import strongest
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.values import Weighed
-from schwung.explain.weighing.vocabulary.periodic import strongest
 from schwung.explain.weighing.weigh import weigh
 from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session

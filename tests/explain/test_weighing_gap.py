@@ -8,11 +8,11 @@ from integrated import RATE_HZ, sampled, view_of
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.round import View, at_rest
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise
 from schwung.session.model import Run
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, belief_of, session_of
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 
 
 def taken_unevenly(session, deviation_s, seed=3):

@@ -10,16 +10,16 @@ from strangers import STRANGERS, belief_of, session_of
 
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.machine import Load
+from schwung.explain.causes.along import DIFFERENCE_RAD, Along, inertia_of, ranges_of
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.equations import load_taken
+from schwung.explain.causes.joined import Joined, behind
+from schwung.explain.causes.known import known
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import DIFFERENCE_RAD, Along, inertia_of, ranges_of
-from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.equations import load_taken
-from schwung.explain.weighing.joined import Joined, behind
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.repeated import repeated
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
 

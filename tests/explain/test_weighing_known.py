@@ -7,12 +7,12 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.known import known
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.signals import picked_signals_of
 
 SPOT = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))

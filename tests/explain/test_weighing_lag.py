@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from strangers import Stranger, belief_of, session_of
 
-from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.inexact import error_of
-from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.vocabulary.reporting import reporting
+from schwung.explain.causes.along import Along, Ranges
+from schwung.explain.causes.inexact import error_of
+from schwung.explain.causes.vocabulary.reporting import reporting
+from schwung.explain.publishing.publish import publish
 from schwung.motion import Array
 
 STEP_S, BAND_HZ = 2.5e-4, 160.0

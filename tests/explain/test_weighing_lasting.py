@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sealed_sessions import drawn
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.repeated import lasting, telling_noise
 from schwung.session import Session
 

@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.late import acceleration_bent
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary.reporting import usual
+from schwung.explain.causes.along import Along, Ranges
+from schwung.explain.causes.known import known
+from schwung.explain.causes.late import acceleration_bent
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary.reporting import usual
 from schwung.innovations.held import Held
 from schwung.innovations.signals import Drive, Signals
 

@@ -5,7 +5,7 @@ import pytest
 from next_experiment import Room, weighed_session
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.true_torque import seems_clipped
+from schwung.explain.causes.true_torque import seems_clipped
 from schwung.innovations.signals import picked_signals_of
 from schwung.session.model import Run
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from schwung.explain.causes.inexact import alike
 from schwung.explain.weighing.data import Data
-from schwung.explain.weighing.inexact import alike
 from schwung.explain.weighing.one_law import law_without_name, one_law
 from schwung.explain.weighing.search import Pick
 from schwung.explain.weighing.work import Work

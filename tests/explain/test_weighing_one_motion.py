@@ -9,7 +9,7 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain import Machine
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.repeated import motions_of
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.weigh import posterior_of

@@ -7,9 +7,9 @@ import pytest
 from operations import OPERATIONS, belief, judged, session_of
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.vocabulary.load import load
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.vocabulary.load import load
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import weigh
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 3, 160.0)

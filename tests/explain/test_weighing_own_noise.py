@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine, Motor
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.joined import run_by_run
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.joined import run_by_run
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.round import at_rest, linearised
 from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.effect import Effect

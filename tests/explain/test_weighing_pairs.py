@@ -11,12 +11,12 @@ from strangers import Stranger, belief_of
 from schwung.drivetrain.machine import Control, Machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import simulate
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.round import at_rest
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Weighing, settled
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _view
 from schwung.explain.weighing.work import Work
 from schwung.innovations.likelihood import Noise

@@ -10,11 +10,11 @@ import pytest
 from sealed_sessions import fewer
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
-from schwung.explain.weighing.along import Ranges
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.vocabulary.periodic import periodic
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.growth import Growth
-from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.vocabulary.periodic import periodic
 from schwung.explain.weighing.weigh import weigh
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 3, 160.0)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from schwung.explain.publishing.places import with_places
 from schwung.explain.values import Located, Signal
-from schwung.explain.weighing.places import with_places
 
 TIME = np.arange(1500) / 1000
 SPEED = 12 * np.sin(2 * np.pi * TIME / 1.5) ** 2 * np.sign(0.75 - TIME)

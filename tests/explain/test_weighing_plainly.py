@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.curves import column
-from schwung.explain.weighing.places import Acts, where_of
-from schwung.explain.weighing.plainly import nearest
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.curves import column
+from schwung.explain.publishing.places import Acts, where_of
+from schwung.explain.publishing.plainly import nearest
 from schwung.innovations.effect import Effect
 
 TIME = np.arange(4000) / 1000

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from strangers import NOISE, Stranger, belief_of, session_of
 
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.known import known
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.third_mass import third_mass
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Weighing, settled, settled_beyond
-from schwung.explain.weighing.third_mass import third_mass
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import signals_of
 

@@ -8,11 +8,11 @@ import pytest
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Ranges, inertia_of
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.present import LEAST_SHARE, Member, with_members
-from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.causes.along import Ranges, inertia_of
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.known import known
+from schwung.explain.causes.present import LEAST_SHARE, Member, with_members
+from schwung.explain.causes.vocabulary import vocabulary
 
 #: Few points of a steep curve: PCHIP bends suddenly at each.
 ANGLES = np.linspace(-0.4, 3.4, 24)

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
+from schwung.explain.causes.candidate import Candidate
 from schwung.explain.weighing import growth as growth_module
 from schwung.explain.weighing import resting
-from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.grown import _Found, _from_few, _or_laws, _without_curves
 from schwung.explain.weighing.growth import Growth
 from schwung.explain.weighing.resting import Rests

@@ -9,7 +9,7 @@ import pytest
 from sealed_sessions import drawn
 from strangers import STRANGERS, belief_of, session_of
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.wide import unshared_by_neighbours
 from schwung.session import Session

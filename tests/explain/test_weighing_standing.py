@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Coupling
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.vocabulary.shaft import shaft
+from schwung.explain.publishing.values import Proof
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.search import Pick
 from schwung.explain.weighing.standing import larger_than_usual, standing
-from schwung.explain.weighing.values import Proof
-from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.innovations.effect import Effect
 
 

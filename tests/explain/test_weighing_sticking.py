@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from next_experiment import RUBBING, STUCK, Room, weighed_session
 
-from schwung.explain.weighing.sticking import direction, on_average, slowest
+from schwung.explain.causes.sticking import direction, on_average, slowest
 
 STEP_S, STICKING = 1e-3, 0.01
 

@@ -7,9 +7,9 @@ import pytest
 from sealed_sessions import drawn
 from strangers import STIFFNESS, Stranger, belief_of, session_of
 
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing import growth
 from schwung.explain.weighing.asked import further
-from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.settling import Settled

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Weighing, settled
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise
 from schwung.session.model import Run
 

@@ -9,14 +9,14 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.known import known
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.weighing.search import Pick, Scored
 from schwung.explain.weighing.sets import absent, timed
 from schwung.explain.weighing.told import as_told, told_by
-from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.effect import Effect
 
 RANGES = Ranges(0.5, 4.5, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)

@@ -5,10 +5,10 @@ import pytest
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.known import known
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.weighing.round import View, at_rest
-from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Motion

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sealed_sessions import drawn
 
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 
 
 @pytest.mark.long

@@ -11,10 +11,10 @@ from schwung.drivetrain import Load, Machine, Motor
 from schwung.drivetrain.hysteresis import yielded
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import Ranges
-from schwung.explain.weighing.candidate import RIGHT_TO
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.causes.along import Ranges
+from schwung.explain.causes.candidate import RIGHT_TO
+from schwung.explain.causes.known import known
+from schwung.explain.causes.vocabulary import vocabulary
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
 

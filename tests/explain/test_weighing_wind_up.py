@@ -8,9 +8,9 @@ from sealed_sessions import fewer
 from strangers import STIFFNESS, STRANGERS, belief_of, session_of
 
 from schwung.drivetrain.residual import residuals_of
-from schwung.explain.weighing.candidate import LADDER
+from schwung.explain.causes.candidate import LADDER
+from schwung.explain.publishing.publish import publish, published_of
 from schwung.explain.weighing.exchange import resized
-from schwung.explain.weighing.published import publish, published_of
 from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.weigh import posterior_of
 from schwung.explain.weighing.work import Work

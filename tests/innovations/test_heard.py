@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from strangers import STRANGERS, belief_of, session_of
 
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.equations import Acting, equations_of
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.known import known
-from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.low_pass import heard, loudness, low_passed, surely_heard

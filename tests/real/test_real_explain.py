@@ -15,10 +15,10 @@ from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendul
 
 from schwung.drivetrain import Load, Machine, load_machine, write_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.free_run import free_runs
 from schwung.explain.measured import smooth
-from schwung.explain.weighing.judged import judged
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.free_run import free_runs
+from schwung.explain.publishing.judged import judged
+from schwung.explain.publishing.publish import publish
 from schwung.explain.weighing.weigh import posterior_of, signals_as_measured
 from schwung.explain.weighing.work import Work
 from schwung.report.explanation import tables

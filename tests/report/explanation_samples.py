@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from schwung.drivetrain.machine import Machine, paper_machine
+from schwung.explain.publishing.values import Name
 from schwung.explain.values import Overlay, Quantity
-from schwung.explain.weighing.publication import Name
 from schwung.motion import Array, Motion
 
 RATE_HZ = 1000.0

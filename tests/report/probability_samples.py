@@ -8,10 +8,9 @@ import numpy as np
 
 from schwung.drivetrain import paper_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.explain.publishing.drawn import Drawn
+from schwung.explain.publishing.values import Curve, Name, Proof, Published, Where
 from schwung.explain.values import Located, Overlay, Quantity
-from schwung.explain.weighing.drawn import Drawn
-from schwung.explain.weighing.publication import Curve, Name, Published, Where
-from schwung.explain.weighing.values import Proof
 from schwung.innovations.likelihood import Noise
 
 X, TIME = np.linspace(0.0, 20.0, 21), np.arange(400) / 1000

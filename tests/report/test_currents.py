@@ -17,7 +17,7 @@ from schwung.drivetrain import Coupling, Load, Machine, Motor, load_machine, pap
 from schwung.drivetrain.inertia import read_inertia_csv, write_inertia_csv
 from schwung.errors import InputError
 from schwung.estimation import estimate
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.fieldbus.profile import load_profile
 from schwung.quantities import Effort, document_of, sentences_of
 from schwung.session import Session, read_session

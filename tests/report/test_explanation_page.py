@@ -11,8 +11,8 @@ from probability_samples import RUN, answer
 
 from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
+from schwung.explain.publishing.values import Curve, Name, merged
 from schwung.explain.values import Located, Quantity
-from schwung.explain.weighing.publication import Curve, Name, merged
 from schwung.explain.weighing.values import Lasting
 from schwung.explain.words import told_apart_by
 from schwung.report.content import units_of

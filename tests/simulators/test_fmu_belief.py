@@ -22,8 +22,8 @@ from schwung.drivetrain import InertiaTable, Machine, load_machine, simulate, wr
 from schwung.drivetrain.machine import Control, Coupling, Load, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
+from schwung.explain.publishing.values import Published
 from schwung.motion import Array, Excitation, Motion
 from schwung.session import Run, Session, SessionWriter, read_session
 from schwung.simulators.belief import fmu_belief

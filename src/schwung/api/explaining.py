@@ -11,8 +11,8 @@ from schwung import session as recording
 from schwung.api.shown import Shown, as_shown
 from schwung.api.values import Machine, machine_shown
 from schwung.drivetrain import write_machine
-from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
+from schwung.explain.publishing.values import Published
 from schwung.report.content import units_of
 from schwung.session.gains import with_recorded_gains
 

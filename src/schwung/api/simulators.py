@@ -10,7 +10,7 @@ from schwung import drivetrain
 from schwung import session as recording
 from schwung.api.explaining import Explanation, explanation_shown
 from schwung.api.values import Machine, machine_shown
-from schwung.explain.weighing.published import publish
+from schwung.explain.publishing.publish import publish
 from schwung.session.gains import with_recorded_gains
 from schwung.simulators.belief import FmuBelief, fmu_belief
 from schwung.simulators.fmu import check_fmi, write_fmu

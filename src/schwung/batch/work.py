@@ -65,7 +65,7 @@ def _estimated(session: Session, machine: Machine, wish: Wish) -> Outcome:
 
 
 def _explained(session: Session, machine: Machine) -> Outcome:
-    from schwung.explain.weighing.published import publish  # noqa: PLC0415 (its compiled parts take a second to load)
+    from schwung.explain.publishing.publish import publish  # noqa: PLC0415 (its compiled parts take a second to load)
 
     found = publish(session, machine)
     return _outcome(session, machine, found.to_json(), learned=found.machine)

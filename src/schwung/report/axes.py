@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 
 from schwung.drivetrain import InertiaTable, Simulated
-from schwung.explain.weighing.publication import Published
+from schwung.explain.publishing.values import Published
 from schwung.motion import Array
 from schwung.report.colours import ESTIMATE, EXCITED, INK, PLAIN, Colour
 from schwung.report.content import Units

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
+from schwung.explain.publishing.values import Curve, Published, Where, over_words, percent
 from schwung.explain.values import Overlay
-from schwung.explain.weighing.publication import NAMED, Curve, Published, Where, over_words, percent
+from schwung.explain.weighing.values import NAMED
 from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of

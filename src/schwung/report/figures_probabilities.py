@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
+from schwung.explain.publishing.values import Curve, Published, percent
+from schwung.explain.weighing.values import NAMED
 from schwung.explain.words import words_of
 from schwung.report.colours import ESTIMATE, EXCITED, GOOD, INK, MUTED, Colour
 from schwung.report.content import Units

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from schwung.explain.causes.true_torque import TrueTorque, torque_noise
 from schwung.explain.weighing.round import Linearised
-from schwung.explain.weighing.true_torque import TrueTorque, torque_noise
 from schwung.innovations import kalman, kernel
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import problem_of

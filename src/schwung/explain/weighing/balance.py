@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from schwung.explain.weighing.along import DIFFERENCE_RAD, Along
-from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.equations import Acting
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.along import DIFFERENCE_RAD, Along
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.equations import Acting
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.round import Linearised, acting
 from schwung.innovations.splines import slopes
 from schwung.motion import Array

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.inexact import error_of
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.inexact import error_of
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
 from schwung.explain.weighing.work import CUBED, PRODUCT, SCORED, Work
 from schwung.innovations.evidence import Beyond

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from schwung.compiled import IS_FAST
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.offers import bending_instead, coupling_instead, numbers_beside
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import MOST, TOLD, Scored, Search
 from schwung.explain.weighing.sets import begun_from, is_unnamed, members_of, timed, without_damping

@@ -17,17 +17,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.explain.weighing.along import Along, along
-from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.causes.along import Along, along
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.equations import equations_of
+from schwung.explain.causes.present import with_members
+from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.weighing.data import Atom
-from schwung.explain.weighing.equations import equations_of
-from schwung.explain.weighing.present import with_members
-from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
 from schwung.explain.weighing.search import Scored, slices
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import finding
-from schwung.explain.weighing.true_torque import TrueTorque
+from schwung.explain.weighing.values import NAMED
 from schwung.explain.weighing.weigh import Posterior
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed

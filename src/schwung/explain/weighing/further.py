@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.present import Member
 from schwung.motion import Array
 
 #: What is held and taken within so much of a step of a sample is taken at it.

@@ -13,6 +13,7 @@ from itertools import count
 
 import numpy as np
 
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.asked import further
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.exchange import (
@@ -31,7 +32,6 @@ from schwung.explain.weighing.offers import (
     instead_of_each,
     searched,
 )
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from schwung.explain.weighing.candidate import RIGHT_TO
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.candidate import RIGHT_TO
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.settling import Settled, own_noise, settled, smoothed

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from schwung.explain.weighing.candidate import LADDER
+from schwung.explain.causes.candidate import LADDER
+from schwung.explain.causes.inexact import SHARES, alike
 from schwung.explain.weighing.elsewhere import motions_of_fitted
-from schwung.explain.weighing.inexact import SHARES, alike
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.innovations.evidence import ROUNDING, weigh
 from schwung.innovations.statistics import Statistics

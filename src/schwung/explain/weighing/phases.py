@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.vocabulary.periodic import waves
 from schwung.explain.weighing.round import View, at_rest
-from schwung.explain.weighing.vocabulary.periodic import waves
 from schwung.innovations.effect import Effect
 from schwung.innovations.likelihood import Noise
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.innovations.evidence import block_gains, weigh
 from schwung.innovations.statistics import Numbers

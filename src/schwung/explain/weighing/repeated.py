@@ -15,18 +15,15 @@ from itertools import combinations
 import numpy as np
 from scipy.signal import correlate
 
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.candidate import LADDER, Candidate, Shape
-from schwung.explain.weighing.curves import Curve
-from schwung.explain.weighing.joined import run_by_run
+from schwung.explain.causes.along import Along
+from schwung.explain.causes.candidate import LADDER, Candidate, Shape
+from schwung.explain.causes.curves import Curve, curve_over_time
+from schwung.explain.causes.joined import run_by_run
 from schwung.explain.weighing.values import Lasting
 from schwung.explain.weighing.wide import STRETCH_S
 from schwung.innovations.effect import Effect
 from schwung.session.imports import repeats
 from schwung.session.model import Run, Session
-
-#: Within so much time (s) torque is alike; and within such a share of the longest motion, for what a curve costs.
-_ALIKE_S, _ALIKE = 0.01, 0.01
 
 
 def motions_of(runs: Sequence[Run]) -> list[list[int]]:
@@ -89,12 +86,6 @@ def _copied(one: Run, other: Run) -> bool:
     same = one.position_rad[:length] == other.position_rad[:length]
     same &= one.speed_rad_s[:length] == other.speed_rad_s[:length]
     return bool(2 * np.count_nonzero(same) > length)
-
-
-def curve_over_time(longest_s: float) -> Curve:
-    """A curve that follows whatever a motion has of its own."""
-    alike = max(_ALIKE_S, _ALIKE * longest_s)
-    return Curve.over(0.0, longest_s, alike / longest_s, 1 + round(2 * longest_s / alike))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from schwung.explain.causes.candidate import RIGHT_TO, Candidate
+from schwung.explain.causes.present import Member, moves
 from schwung.explain.weighing.alike import goes_otherwise, misses_less
 from schwung.explain.weighing.balance import balanced
-from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
-from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import FAR, Linearised, View, few_of
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
 from schwung.explain.weighing.sets import Shaped, begun_from, carried, is_unnamed, kept, key_of, members_of

@@ -10,13 +10,13 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from schwung.explain.weighing.along import Along, Ranges, along
-from schwung.explain.weighing.candidate import Candidate, Missed, Shape
-from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
-from schwung.explain.weighing.joined import Joined
-from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, with_members
-from schwung.explain.weighing.true_torque import TrueTorque, torque_noise
+from schwung.explain.causes.along import Along, Ranges, along
+from schwung.explain.causes.candidate import Candidate, Missed, Shape
+from schwung.explain.causes.equations import Acting, equations_of, load_taken, together
+from schwung.explain.causes.joined import Joined
+from schwung.explain.causes.known import Known
+from schwung.explain.causes.present import Member, with_members
+from schwung.explain.causes.true_torque import TrueTorque, torque_noise
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of

@@ -12,9 +12,9 @@ from itertools import groupby
 
 import numpy as np
 
-from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.inexact import SHARES, deviations_of
 from schwung.explain.weighing.data import Atom, Data
-from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.work import CUBED, SCORED
 from schwung.innovations.evidence import Weighed, weigh

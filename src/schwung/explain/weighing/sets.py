@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.data import Atom, Data
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.settling import Settled
 

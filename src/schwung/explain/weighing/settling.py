@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from schwung.explain.causes.inexact import SHARES, deviations_of, error_of
+from schwung.explain.causes.present import Member, moves
 from schwung.explain.weighing.further import AT_SAMPLE, leads_across, leads_beyond, taken_further
-from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
-from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import (
     ALIKE,
     STEPS,

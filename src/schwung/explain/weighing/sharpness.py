@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.present import Member
+from schwung.explain.causes.along import Along
+from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.explain.causes.present import Member
 from schwung.explain.weighing.round import Cause
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.told import told_by

@@ -31,7 +31,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import expit
 
-from schwung.explain.weighing.candidate import RIGHT_TO
+from schwung.explain.causes.candidate import RIGHT_TO
 from schwung.explain.weighing.one_law import law_without_name, one_law
 from schwung.explain.weighing.repeated import Shared
 from schwung.explain.weighing.search import Pick, Scored, Search, Set

@@ -1,4 +1,4 @@
-"""What weighing says: names with their probabilities and parameters, the curves that have none, and the proof."""
+"""What weighing says: names with their probabilities and parameters, and the curves that have none."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from schwung.innovations.likelihood import Noise
+
+#: What is more probable than this is told by its name.
+NAMED = 0.5
 
 
 @dataclass(frozen=True)
@@ -34,30 +37,6 @@ class Unnamed:
     probability: float
     torque_nm: float  # root mean square along the runs
     like: str = ""  # the name whose law comes near; empty: a curve
-
-
-@dataclass(frozen=True)
-class Proof:
-    """On motions that were not fitted, with the coefficients that are published."""
-
-    runs: tuple[int, ...]
-    gain: float  # of the log predictive likelihood over the belief's, per effective sample
-    before: float  # root mean square of the innovations over the noise's: of the belief, of what is published
-    after: float
-    before_nm: float | None = None  # torque that is missed, smoothed, root mean square; None: not worked out
-    after_nm: float | None = None
-    fitted: tuple[int, ...] = ()  # the runs that all was fitted on
-
-    @property
-    def taken(self) -> float:
-        """Share of what the belief misses beyond the noise (variance) that is missed no longer.
-
-        Where it misses nothing beyond noise there is nothing to take: 1, or 0 where something is missed since.
-        """
-        beyond, since = self.before**2 - 1, max(self.after**2 - 1, 0.0)
-        if beyond <= 0:
-            return 0.0 if since else 1.0
-        return min(1.0, 1 - since / beyond)
 
 
 @dataclass(frozen=True)

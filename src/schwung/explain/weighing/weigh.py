@@ -10,17 +10,18 @@ from itertools import count
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.causes.along import ranges_of
+from schwung.explain.causes.candidate import NATURAL, RIGHT_TO, Candidate, Shape
+from schwung.explain.causes.known import known
+from schwung.explain.causes.true_torque import TrueTorque
+from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.kept_aside import kept_aside
 from schwung.explain.plausibility import without_glitches
-from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.candidate import NATURAL, RIGHT_TO, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.grown import Grown, grown
 from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
-from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated, telling_noise
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View
@@ -30,9 +31,7 @@ from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
 from schwung.explain.weighing.told import as_told
-from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.values import Named, Parameter, Unnamed, Weighed
-from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.weighing.values import NAMED, Named, Parameter, Unnamed, Weighed
 from schwung.explain.weighing.wide import wide_fit
 from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.innovations.likelihood import first_noise

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schwung.explain.weighing.along import SLIDES
+from schwung.explain.causes.along import SLIDES
+from schwung.explain.causes.present import Member
+from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.weighing.further import within
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import (
     Linearised,
     View,
@@ -26,7 +27,6 @@ from schwung.explain.weighing.round import (
 )
 from schwung.explain.weighing.search import HOPELESS
 from schwung.explain.weighing.settling import HALVINGS
-from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Noise

@@ -1,0 +1,1 @@
+"""What may be missing: laws and curves, and the equations in which they act along a run."""
