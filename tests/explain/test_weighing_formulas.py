@@ -34,14 +34,18 @@ def _slope(angle: Array) -> Array:
     return 0.02 * np.sin(2 * angle)
 
 
+def _motion(number: int) -> Motion:
+    return Motion(
+        kind="poly5", distance_rad=3.0, duration_s=0.3 + 0.1 * (number // 2), start_time_s=0.1,
+        dwell_s=0.2, returns=True,
+    )  # fmt: skip
+
+
 def _session(disturbance: Callable[[Array, int], Array], ahead_rad: float = 0.0) -> Session:
     """Two motions, two repeats of each; the crank is `ahead_rad` ahead of where it is believed."""
     chance, runs = np.random.default_rng(3), []
     for number in range(4):
-        motion = Motion(
-            kind="poly5", distance_rad=3.0, duration_s=0.3 + 0.1 * (number // 2), start_time_s=0.1,
-            dwell_s=0.2, returns=True,
-        )  # fmt: skip
+        motion = _motion(number)
         time = motion.time(RATE_HZ)
         d = motion.demand(time)
         turned = d.position_rad + ahead_rad
@@ -98,6 +102,24 @@ def test_a_disturbance_of_fixed_frequency_has_a_phase_in_each_run() -> None:
     assert parameters["amplitude_nm"].value == pytest.approx(0.06, rel=0.1)
     assert found.proof is not None
     assert found.proof.taken > 0.8
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("waves", "name"), [(0.8, {"friction_over_angle"}), (4.0, set())])
+def test_what_gives_energy_somewhere_is_no_friction(waves: float, name: set[str]) -> None:
+    """A torque against the motion, 0.06 (1 + waves · cos 3θ): where waves are 4, the other way on half of the path."""
+
+    def against(time: Array, number: int) -> Array:
+        d = _motion(number).demand(time)
+        return np.asarray(-0.06 * (1 + waves * np.cos(3 * d.position_rad)) * np.tanh(d.speed_rad_s / 0.05))
+
+    found = publish(_session(against), _machine())
+    assert {one.physics for one in found.names if one.probability > 0.5} == name
+    assert {one.coordinate for one in found.curves if one.probability > 0.5} == (
+        set() if name else {"position"}
+    )
+    assert found.proof is not None
+    assert found.proof.taken > 0.9
 
 
 def test_a_known_disturbance_of_fixed_frequency_is_not_named_again() -> None:

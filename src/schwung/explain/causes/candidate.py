@@ -72,6 +72,9 @@ class Candidate:
     positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`
     often_none: bool = False  # whether it is as often nothing at all
     least: Shape = ()  # what is believed, the sign turned: no total is negative; empty: nothing is believed
+    frictions: tuple[Array, float] | None = (
+        None  # of a curve of friction, values by its coefficients (g, p) and what is believed: no total pushes
+    )
     named: bool = True
     coordinate: str = ""
     part_of: str = ""  # a curve with a name that it is a part of, where a set holds both
@@ -195,6 +198,19 @@ class Candidate:
     def possible(self, coefficients: Array) -> bool:
         """Whether none of its coefficients is beyond its bound."""
         return all(coefficients[which] > least for which, least in self.bounds_below)
+
+    def takes(self, coefficients: Array, covariance: Array) -> float:
+        """Chance of friction that is found as far below zero as this while none is; (p,), (p, p).
+
+        Friction takes energy, wherever it is; a curve that gives some is something else. Of so many points as it has
+        coefficients the least is compared: more are alike.
+        """
+        if self.frictions is None:
+            return 1.0
+        values, believed = self.frictions
+        spread = np.sqrt(np.einsum("gi,ij,gj->g", values, covariance, values))
+        least = float(np.min((values @ coefficients + believed) / np.maximum(spread, 1e-300)))
+        return min(1.0, self.size * float(ndtr(least)))
 
     def is_another(self, coefficients: Array, shape: Shape) -> bool:
         """Whether a part of a law is next to nothing, less than a law is right to: friction that hardly falls is dry

@@ -83,7 +83,8 @@ class Posterior:
         likely = {name: p for name, p in _probabilities(self.sure).items() if p >= TOLD}
         search = self.grown.search
         likely = {name: p for name, p in likely.items() if name not in self.disproved}
-        return {name: p * self.stands.of(search, name) if name in named else p for name, p in likely.items()}
+        right = {name: self.stands.of(search, name) * self._possible(name) for name in likely.keys() & named}
+        return {name: p * right.get(name, 1.0) for name, p in likely.items()}
 
     @cached_property
     def holding(self) -> Scored:
@@ -96,14 +97,31 @@ class Posterior:
     def parameters(self, name: str) -> dict[str, Parameter]:
         """Of a name in the most probable set that holds it; intervals from the coefficients' deviations beside what has
         no name."""
+        held = self._held(name)
+        return {} if held is None else parameters_of(*held)
+
+    def _held(self, name: str) -> tuple[Search, Scored, Pick, slice] | None:
+        """The most probable set that holds a name, as it is told, and where in it the name is; None: no set does."""
         of, best = self.grown.search, _holding(self.sure, name)
         if best is None:
-            return {}
+            return None
         search = Search(of.data.tempered(self.stands.blurring), of.always)
         scored = search.score(best.picks)
         places = zip(scored.picks, slices(search, scored), strict=True)
         pick, where = next((pick, where) for pick, where in places if search.name(pick) == name)
-        return parameters_of(search, as_told(search, scored), pick, where)
+        return search, as_told(search, scored), pick, where
+
+    def _possible(self, name: str) -> float:
+        """Chance of what a name was found with, where it is what it says."""
+        held = self._held(name)
+        if held is None:
+            return 1.0
+        search, scored, pick, where = held
+        candidate = search.candidate(pick)
+        if candidate.frictions is None:
+            return 1.0
+        covariance = covariance_of(search, scored, pick)[: candidate.size, : candidate.size]
+        return candidate.takes(scored.exact[where], covariance)
 
     @cached_property
     def negligible(self) -> frozenset[str]:

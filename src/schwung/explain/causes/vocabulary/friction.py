@@ -146,6 +146,7 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   positive=(0,), coordinate="position", own=(_within,)),
         Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * level.at(a.angle)),
                   (natural,) * level.size, scales=LADDER, coordinate="position", family="dry",
+                  frictions=(level.modes, min(ahead, back)),
                   whole=lambda a, _, c: Effect(-a.direction[:, None] * level.folded(c).at(a.angle))),
         Candidate("friction_drift", _drift, (natural,), lambda c, s: {"change_nm": c[0], "settling": s[0]},
                   shapes=grid([0.0]), spacing=(1.0,), logarithmic=(False,), bounds=(_SETTLING,), coordinate="run"),
