@@ -17,6 +17,7 @@ from schwung.explain.publishing.learned import Found, table
 from schwung.explain.publishing.places import Acts
 from schwung.explain.publishing.values import over_words
 from schwung.explain.publishing.written import sayable
+from schwung.explain.weighing.contact import damped, with_damping
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.told import as_told
 from schwung.explain.weighing.values import NAMED
@@ -44,7 +45,10 @@ class Chosen:
     def __init__(self, machine: Machine, outcome: Posterior) -> None:
         self.machine, self.outcome = machine, outcome
         self.search: Search = outcome.grown.search
-        self.set = as_told(self.search, self._first())
+        first = self._first()
+        if damped(self.search, first).off > NAMED:  # the file has one damping, for contacts as well
+            first = with_damping(self.search, first)
+        self.set = as_told(self.search, first)
 
     @property
     def names(self) -> frozenset[str]:

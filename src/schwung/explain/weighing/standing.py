@@ -68,6 +68,10 @@ class Standing:
             return sure * float(expit(one_law(search, best, pick))) * finding(search, best, pick)
         return self.names[name]
 
+    def sure(self, search: Search, gain: float) -> float:
+        """Probability of a name that adds so much evidence (log), all of it the recording's."""
+        return _sure(search, gain, gain, self.left)
+
     @property
     def tempering(self) -> float:
         """How many times less evidence tells sets apart that differ along what is left."""

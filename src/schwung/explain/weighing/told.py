@@ -1,4 +1,5 @@
-"""A set as it is told: of what torque and speed are late by, what is usual and what has a name are one."""
+"""A set as it is told: of what torque and speed are late by, what is usual and what has a name are one; so are what the
+coupling and what its contacts damp."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schwung.explain.weighing.contact import CONTACTS, damping_of, opening_of
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.motion import Array
 
@@ -33,7 +35,7 @@ def as_told(search: Search, scored: Scored) -> Scored:
     """
     late = _late(search, scored)
     if late is None:
-        return scored
+        return replace(scored, exact=told_by(search, scored) @ scored.exact)
     cause, shape = search.candidate(late.pick), search.data.atoms[late.pick.atom].shape
     exact = told_by(search, scored) @ scored.exact
     apart = exact[late.mine]
@@ -49,6 +51,11 @@ def told_by(search: Search, scored: Scored) -> Array:
         columns = [at for at, _ in late.ways]
         told[columns] = 0.0
         told[np.ix_([late.shared, late.mine], columns)] = late.apart
+    gap, damping = opening_of(search, scored.picks), damping_of(search, scored.picks)
+    if gap is not None and damping is not None:
+        starts = {pick: where.start for pick, where in zip(scored.picks, slices(search, scored), strict=True)}
+        contacts = starts[gap] + CONTACTS
+        told[contacts, contacts], told[starts[damping], contacts] = 0.0, 1.0
     return told
 
 

@@ -17,6 +17,7 @@ from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.causes.vocabulary import vocabulary
 from schwung.explain.kept_aside import kept_aside
 from schwung.explain.plausibility import without_glitches
+from schwung.explain.weighing.contact import Damped, damped, damping_name, opening_of, with_damping
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.grown import Grown, grown
 from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
@@ -84,7 +85,22 @@ class Posterior:
         search = self.grown.search
         likely = {name: p for name, p in likely.items() if name not in self.disproved}
         right = {name: self.stands.of(search, name) * self._possible(name) for name in likely.keys() & named}
-        return {name: p * right.get(name, 1.0) for name, p in likely.items()}
+        names = {name: p * right.get(name, 1.0) for name, p in likely.items()}
+        damping, both = damping_name(search), self.damped
+        if both.named >= TOLD and damping not in self.disproved:
+            sure = self.stands.sure(search, both.worth) * both.named
+            names[damping] = max(names.get(damping, 0.0), self.gap * sure)
+        return names
+
+    @property
+    def gap(self) -> float:
+        """How probable play is."""
+        return sum(p for p, one in self.sure.shares() if opening_of(self.sure, one.picks) is not None)
+
+    @cached_property
+    def damped(self) -> Damped:
+        """What contacts of the best set damp."""
+        return damped(self.grown.search, self.grown.best)
 
     @cached_property
     def holding(self) -> Scored:
@@ -245,6 +261,10 @@ def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
 def _told(posterior: Posterior) -> Weighed:
     outcome, sure, likely = posterior.grown, posterior.sure, posterior.names
     search, data = outcome.search, outcome.data
+    shares = _probabilities(search)
+    damping = damping_name(search)
+    if posterior.damped.off >= TOLD:
+        shares[damping] = max(shares.get(damping, 0.0), posterior.gap * posterior.damped.off)
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [
         Named(name, p, posterior.parameters(name)) for name, p in names.items() if not _at_bound(sure, name)
@@ -253,7 +273,7 @@ def _told(posterior: Posterior) -> Weighed:
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     return Weighed(
         names=tuple(told),
-        unnamed=_unnamed(search, likely, posterior.left_out, posterior.stands.usual),
+        unnamed=_unnamed(search, shares, likely, posterior.left_out, posterior.stands.usual),
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
         notes=(
@@ -287,16 +307,20 @@ def _probabilities(search: Search) -> dict[str, float]:
 
 
 def _unnamed(
-    search: Search, names: Mapping[str, float], left_out: frozenset[str], usual: Mapping[str, float]
+    search: Search,
+    shares: Mapping[str, float],
+    names: Mapping[str, float],
+    left_out: frozenset[str],
+    usual: Mapping[str, float],
 ) -> tuple[Unnamed, ...]:
     """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
 
-    `names`: probabilities that a name is right; what is more probable by the description alone is not named. `usual`:
-    that it is as much as is usual, which is no finding. What the recording has made no more probable than it was before
-    is none, either: of a drift over the runs one run says nothing.
+    `shares`: how probable causes are; `names`: that a name is right; what is more probable by the description alone is
+    not named. `usual`: that it is as much as is usual, which is no finding. What the recording has made no more
+    probable than it was before is none, either: of a drift over the runs one run says nothing.
     """
     found, before = [], 1 / (1 + np.exp(-search.odds))
-    for name, p in _probabilities(search).items():
+    for name, p in shares.items():
         if name in left_out:
             continue
         candidate = next(c for c in search.data.candidates if c.name == name)
@@ -317,7 +341,9 @@ def _worth(search: Search, best: Scored, name: str) -> float:
 
 def _holding(search: Search, name: str) -> Scored | None:
     """The most probable set that holds a name."""
-    sets = (scored for _, scored in search.shares())
+    sets = [scored for _, scored in search.shares()]
+    if sets and name == damping_name(search) and opening_of(search, sets[0].picks) is not None:
+        return with_damping(search, sets[0])
     return next((scored for scored in sets if name in map(search.name, scored.picks)), None)
 
 
@@ -365,9 +391,10 @@ def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
 
 def _rms(search: Search, name: str) -> float:
     """Torque of a curve along all runs (N·m), in the most probable set that holds it."""
-    scored = _holding(search, name)
-    if scored is None:
+    found = _holding(search, name)
+    if found is None:
         return 0.0
+    scored = as_told(search, found)
     places = zip(scored.picks, slices(search, scored), strict=True)
     pick, where = next((pick, where) for pick, where in places if search.name(pick) == name)
     candidate, shape, total = search.candidate(pick), search.data.atoms[pick.atom].shape, []
