@@ -7,6 +7,7 @@ from sealed_sessions import drawn
 
 from schwung.drivetrain.residual import law_of
 from schwung.explain.publishing.publish import publish
+from schwung.explain.weighing.weigh import weigh
 
 PAIR = ("backlash", "coupling_damping")
 
@@ -35,3 +36,13 @@ def test_what_contacts_damp_is_in_the_file_and_has_a_name_if_it_is_more_than_con
         assert "coupling_damping" in {one.like for one in found.curves if one.in_file}
     assert found.proof is not None
     assert found.proof.after < 1.1
+
+
+@pytest.mark.long
+def test_a_damping_of_which_play_says_nothing_is_not_told(tmp_path: Path) -> None:
+    """Beside a coupling that is stiffer the further it is wound up a gap of 0.05 mrad says of contacts' damping no more
+    than was known: known so badly, it was told to be another one with 0.78."""
+    session, machine, _ = drawn(tmp_path, 1027011, 2, kind="two", among=("backlash", "nonlinear_stiffness"))
+    found = weigh(session, machine)
+    assert {one.name for one in found.names if one.probability > 0.9} == {"backlash", "nonlinear_stiffness"}
+    assert not [one for one in found.unnamed if one.like == "coupling_damping"]

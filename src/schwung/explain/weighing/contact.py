@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import expit, ndtr
 
 from schwung.explain.causes.candidate import Candidate
 from schwung.explain.weighing.search import Pick, Scored, Search, Set, slices
@@ -21,8 +21,8 @@ CONTACTS = 1
 
 @dataclass(frozen=True)
 class Damped:
-    """How probable it is that a set's contacts damp otherwise than is believed: by more than the belief is usually off
-    by, by more than contacts differ by; and the evidence (log) that goes with it."""
+    """How probable it is that a set's contacts damp otherwise than is believed, and by more than the belief is usually
+    off by; that they do so by more than contacts differ by, if they do; and the evidence (log) that goes with it."""
 
     off: float = 0.0
     named: float = 0.0
@@ -70,7 +70,7 @@ def damped(search: Search, scored: Scored) -> Damped:
     deviation = float(np.hypot(*whole.deviations[both]))
     # of a number that is known so well beside all else, by how much it is likelier than nothing
     worth = 0.5 * (more / spread) ** 2 - float(np.log(deviation / spread))
-    return Damped(off, named, worth)
+    return Damped(off * float(expit(worth + search.odds)), named, worth)
 
 
 def _damps(candidate: Candidate) -> bool:
