@@ -22,7 +22,7 @@ from schwung.commissioning.until_explained import UntilExplained, record_until_e
 from schwung.drivetrain import FeedForward, InertiaTable
 from schwung.errors import InputError, InterruptedByUser, NodeLostError, RefusedError
 from schwung.explain.weighing.experiment import Gain, Rival, Rivals
-from schwung.explain.weighing.values import Named, Unnamed, Weighed
+from schwung.explain.weighing.values import Named, Parameter, Timing, Unnamed, Weighed
 from schwung.innovations.likelihood import Noise
 from schwung.session import Run, read_session
 
@@ -109,7 +109,7 @@ def test_what_is_common_is_told_beside() -> None:
 def _weighed(names: dict[str, float], unnamed: float = 0.0) -> Weighed:
     named = tuple(Named(name, p, {}) for name, p in names.items())
     curves = (Unnamed("position", unnamed, 0.4),) if unnamed else ()
-    return Weighed(named, curves, Noise(1.0, 1.0, 1.0), 1.0)
+    return Weighed(named, curves, Noise(1.0, 1.0, 1.0), 1.0, Timing(Parameter(0.0, 0.0, 0.0), "speed", 1.0))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.publishing.drawn import Drawn
 from schwung.explain.publishing.values import Curve, Name, Proof, Published, Where
 from schwung.explain.values import Located, Overlay, Quantity
+from schwung.explain.weighing.values import Parameter, Timing
 from schwung.innovations.likelihood import Noise
 
 X, TIME = np.linspace(0.0, 20.0, 21), np.arange(400) / 1000
@@ -52,6 +53,7 @@ def answer() -> Published:
         runners_up=((("speed", "torque_offset"), 0.8), (("backlash",), 0.2)),
         noise=Noise(0.3, 0.01, 1e-5),
         excess=1.6,
+        timing=Timing(Parameter(-8.7e-5, -8.9e-5, -8.5e-5), "speed", 7e-5),
         proof=Proof((3, 5), 4.0, 6.0, 1.01, 2.1, 0.14),
         overlays=(RUN,),
         machine=paper_machine().model_copy(update={"physics": TERMS}),

@@ -13,7 +13,7 @@ from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.publishing.values import Curve, Name, merged
 from schwung.explain.values import Located, Quantity
-from schwung.explain.weighing.values import Lasting
+from schwung.explain.weighing.values import Lasting, Parameter, Timing
 from schwung.explain.words import told_apart_by
 from schwung.report.content import units_of
 from schwung.report.explanation import (
@@ -185,6 +185,22 @@ def test_what_runs_that_were_fitted_show_alone_is_no_all_clear():
         "unexplained: the belief misses up to 2.8 σ of the noise on runs 1, 6, and nothing was found that takes it"
     )
     assert bare.to_json()["missed_runs"] == [{"run": 1, "sigma": 2.69}, {"run": 6, "sigma": 2.8}]
+
+
+@pytest.mark.parametrize(
+    ("later_us", "than", "told"),
+    [
+        ((-87.0, -89.0, -85.0), "speed", ("speed", "torque", "87 µs (85 … 89), as is usual")),
+        ((340.0, 338.0, 342.0), "speed", ("torque", "speed", "340 µs (338 … 342)")),
+        ((2.0, -1.0, 5.0), "position", ("torque", "angle", "2 µs (−1 … 5), as is usual")),
+    ],
+)
+def test_what_is_reported_later_is_told_as_so_much_later(later_us, than, told):
+    later = Parameter(*(1e-6 * each for each in later_us))
+    found = replace(answer(), timing=Timing(later, than, 7e-5))
+    who, whom, size = told
+    row = (f"the {who} is reported later than the {whom} by", size)
+    assert row in fact_rows(found, units_of("rotary", "torque"))
 
 
 def test_of_nothing_beyond_noise_no_share_is_told():

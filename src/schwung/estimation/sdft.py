@@ -37,14 +37,6 @@ class Spectrum:
     residual: Array  # rms of what sine and constant leave over, degrees of freedom counted
     window: int  # samples per window, round(f_s/f)
 
-    @property
-    def lag_samples(self) -> float:
-        """From the window's last sample back to its middle, (N−1)/2.
-
-        The paper says N/2; it is (N−1)/2 as N samples span N−1 steps. Half a step matters at 1 kHz.
-        """
-        return (self.window - 1) / 2
-
 
 def samples_per_window(sample_rate_hz: float, frequency_hz: float) -> int:
     """Samples of one period, rounded. Raises InputError where they are too few."""

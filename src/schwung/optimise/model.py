@@ -121,13 +121,8 @@ class Model:
         return torque / self.effects.torque_gain
 
     @property
-    def heaviest_kgm2(self) -> float:
-        """Largest load inertia of the stroke, beyond it by no more than the load winds up."""
-        return float(np.max(self._inertias()))
-
-    @property
     def lightest_kgm2(self) -> float:
-        """Smallest load inertia likewise."""
+        """Smallest load inertia of the stroke, beyond it by no more than the load winds up."""
         return float(np.min(self._inertias()))
 
     def _inertias(self) -> Array:

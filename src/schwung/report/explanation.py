@@ -216,6 +216,7 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
     rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
     rows.append((f"noise of the {units.position_word}", f"{of.noise.position_rad:.2g} {units.position}"))
+    rows.append(timing_row(of, units))
     if of.noise.jitter_s > 0:
         rows.append(("samples are early or late by", f"{1e6 * of.noise.jitter_s:.2g} µs"))
     if of.lasting is not None:
@@ -224,6 +225,20 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     if of.excess > _COLOURED:
         rows.append(("noise is coloured: samples count as", f"1/{of.excess:.2g} of their number"))
     return rows
+
+
+def timing_row(of: Published, units: Units) -> tuple[str, str]:
+    """By how much torque and speed, or angle, are reported apart, and whether drives usually are."""
+    timing, later = of.timing, units.torque_word
+    value, low, high = (
+        1e6 * each for each in (timing.later_s.value, timing.later_s.low, timing.later_s.high)
+    )
+    sooner = "speed" if timing.than == "speed" else units.position_word
+    if value < 0:
+        later, sooner, value, low, high = sooner, later, -value, -high, -low
+    usual = ", as is usual" if value < 1.96e6 * timing.usual_s else ""
+    told = f"{value:.3g} µs ({low:.3g} … {high:.3g}){usual}".replace("-", "−")
+    return f"the {later} is reported later than the {sooner} by", told
 
 
 def set_rows(of: Published) -> list[tuple[str, str, str]]:

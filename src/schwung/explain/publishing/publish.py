@@ -177,6 +177,7 @@ class _Publishing:
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
             excess=self.outcome.grown.data.excess,
+            timing=self.weighed.timing,
             proof=self._proof(before, after),
             overlays=overlays(*shown, named, aside),
             plain=self._plain([*on_shafts, *self.chosen.of_motion()], after),

@@ -11,7 +11,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.publishing.drawn import Drawn
 from schwung.explain.values import Located, Overlay, Quantity, Verdict
-from schwung.explain.weighing.values import NAMED, Lasting
+from schwung.explain.weighing.values import NAMED, Lasting, Timing
 from schwung.explain.words import unit_on, words_of
 from schwung.innovations.likelihood import Noise
 from schwung.quantities import Effort
@@ -171,6 +171,7 @@ class Published:
     runners_up: tuple[tuple[tuple[str, ...], float], ...]
     noise: Noise
     excess: float
+    timing: Timing
     proof: Proof | None
     overlays: tuple[Overlay, ...]
     machine: Machine
@@ -352,6 +353,12 @@ class Published:
                 "jitter_s": self.noise.jitter_s,
                 "speed_rad_s": self.noise.speed_rad_s,
                 "excess": self.excess,
+            },
+            "timing": {
+                "torque_later_s": self.timing.later_s.value,
+                "ci95": [self.timing.later_s.low, self.timing.later_s.high],
+                "than": self.timing.than,
+                "usual_s": self.timing.usual_s,
             },
             "proof": self.proof
             and {

@@ -28,21 +28,11 @@ from schwung.explain.weighing.exchange import (
     resized,
 )
 from schwung.explain.weighing.its_noise import KNOWN, about_its_noise
-from schwung.explain.weighing.offers import (
-    instead_of_each,
-    searched,
-)
+from schwung.explain.weighing.offers import instead_of_each, searched
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
-from schwung.explain.weighing.sets import (
-    Shaped,
-    absent,
-    bends,
-    carried,
-    is_unnamed,
-    kept,
-)
+from schwung.explain.weighing.sets import Shaped, absent, bends, carried, is_unnamed, kept
 from schwung.explain.weighing.settling import Settled, smoothed
 from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import Wide
@@ -55,9 +45,6 @@ NOISE_SHARE, _FURTHER = 0.2, 0.7
 
 #: And what a coupling that is a curve may take beside it, where no law of it is enough.
 _BENT = 0.3
-
-#: Sets that are brought to rest each round; so many of one law more among them, or beside them.
-_TRIED, _LAWS_TRIED = 3, 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from schwung.explain.weighing.contact import CONTACTS, damping_of, opening_of
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.values import Parameter, Timing
 from schwung.motion import Array
 
 
@@ -59,15 +60,45 @@ def told_by(search: Search, scored: Scored) -> Array:
     return told
 
 
-def _late(search: Search, scored: Scored) -> _Late | None:
-    """None: there is none or more than one, or what is told would be early."""
+def timing(search: Search, scored: Scored) -> Timing:
+    """By how much later torque is reported than speed, of a set."""
+    usual, named, gain = _ways(search, scored)
+    measured = any(run.speed_measured for run in search.data.about.view.runs)
+    apart = np.zeros(scored.exact.size)
+    for at, (torque, speed) in (*usual, *((at, search.candidate(pick).late) for pick, at in named)):
+        apart[at] = torque / gain - (speed if measured else 0.0)
+    own = scored.found.covariance[: apart.size, : apart.size]
+    value, spread = float(apart @ scored.exact), float(np.sqrt(apart @ own @ apart))
+    off = [search.data.candidates[i] for i in search.always if measured or search.data.candidates[i].late[0]]
+    usual_s = float(
+        np.hypot.reduce([one.deviations[0] for one in off if any(one.late) and not all(one.late)])
+    )
+    return Timing(
+        Parameter(value, value - 1.96 * spread, value + 1.96 * spread),
+        "speed" if measured else "position",
+        usual_s,
+    )
+
+
+#: Of each cause that makes torque or speed late: where its first coefficient is, and by how much later each is.
+_Ways = list[tuple[int, tuple[float, float]]]
+
+
+def _ways(search: Search, scored: Scored) -> tuple[_Ways, list[tuple[Pick, int]], float]:
+    """What is usual; a set's own late causes, and where they are; and true torque over reported."""
     always = [search.data.candidates[i] for i in search.always]
     starts = np.cumsum([0, *(candidate.size for candidate in always)])
     usual = [(int(at), one.late) for one, at in zip(always, starts, strict=False) if any(one.late)]
     own = [(pick, where.start) for pick, where in zip(scored.picks, slices(search, scored), strict=True)]
     named = [(pick, at) for pick, at in own if any(search.candidate(pick).late)]
-    shared = [at for at, late in usual if all(late)]
     gain = 1 + sum(float(scored.exact[at]) for pick, at in own if search.name(pick) == "torque_constant")
+    return usual, named, gain
+
+
+def _late(search: Search, scored: Scored) -> _Late | None:
+    """None: there is none or more than one, or what is told would be early."""
+    usual, named, gain = _ways(search, scored)
+    shared = [at for at, late in usual if all(late)]
     if len(named) != 1 or len(shared) != 1:
         return None
     ((pick, mine),) = named

@@ -40,6 +40,16 @@ class Unnamed:
 
 
 @dataclass(frozen=True)
+class Timing:
+    """By how much later torque is reported than speed, or than angle where no speed was measured: all of it, whether it
+    has a name or is usual."""
+
+    later_s: Parameter
+    than: str  # "speed" or "position"
+    usual_s: float  # standard deviation of what drives usually have
+
+
+@dataclass(frozen=True)
 class Lasting:
     """What repeats of a motion differ by for longer than noise does: something goes on from one run to the next."""
 
@@ -55,6 +65,7 @@ class Weighed:
     unnamed: tuple[Unnamed, ...]
     noise: Noise
     excess: float  # the likelihood is tempered by it: colour of the noise, and physics that has no name
+    timing: Timing
     notes: tuple[str, ...] = ()
 
     def probability(self, name: str) -> float:

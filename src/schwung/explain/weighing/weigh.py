@@ -31,7 +31,7 @@ from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
-from schwung.explain.weighing.told import as_told
+from schwung.explain.weighing.told import as_told, timing
 from schwung.explain.weighing.values import NAMED, Named, Parameter, Unnamed, Weighed
 from schwung.explain.weighing.wide import wide_fit
 from schwung.explain.weighing.work import Work, on_one_thread
@@ -276,6 +276,7 @@ def _told(posterior: Posterior) -> Weighed:
         unnamed=_unnamed(search, shares, likely, posterior.left_out, posterior.stands.usual),
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
+        timing=timing(sure, sure.score(outcome.best.picks)),
         notes=(
             *posterior.notes,
             *(

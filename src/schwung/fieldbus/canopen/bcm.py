@@ -19,7 +19,6 @@ from typing import Protocol
 
 from schwung.errors import BusError
 
-FRAMES = 256  # MAX_NFRAMES: as many as one operation holds
 _TX_SETUP, _SETTIMER, _STARTTIMER = 1, 0x0001, 0x0002
 #: Opcode, flags, count; two intervals as seconds and microseconds; identifier, number of frames. Native: `long` is.
 _HEAD = struct.Struct("@IIIllllII")
