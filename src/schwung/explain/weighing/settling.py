@@ -226,7 +226,7 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
             break
         if number >= _TRUSTED and _is_hopeless(at, weighing, least, 2 * at.promised):
             break
-        better, share = _better(at, worse, weighing, once=near)
+        better, share = _better(at, worse, weighing, at.share, once=near)
         if better is None and _is_hopeless(at, weighing, least):
             break
         if better is None:
@@ -254,7 +254,7 @@ def _is_hopeless(at: _Step, weighing: Weighing, least: float, further: float | N
 
 
 def _better(
-    at: _Step, worse: float, weighing: Weighing, share: float = 1.0, *, once: bool = False
+    at: _Step, worse: float, weighing: Weighing, share: float, *, once: bool = False
 ) -> tuple[_Step | None, float]:
     """So much of the step, or less, as leads to less than such a cost; None: none does; and the share to try next.
     `once`: whether no more is tried than this share."""
@@ -265,7 +265,7 @@ def _better(
         ]
         about, cost = smoothed(at.about.view, tried, weighing), np.inf
         if finite(about.view):
-            better = _stepped(about, tried, weighing)
+            better = _stepped(about, tried, weighing, (share, at.whole))
             if better.cost < worse:
                 return better, share
             cost = better.cost
@@ -299,6 +299,22 @@ class _Step:
     promised: float  # what a line says that the step gains (log)
     cost: float
     log: float
+    share: float = 1.0  # of the step, that is asked first
+
+    @property
+    def whole(self) -> Array:
+        """The step of all coefficients, and behind them of all shapes."""
+        return np.concatenate([*self.steps, *self.shifts])
+
+
+def _to_and_fro(share: float, whole: Array, step: Array, gram: Array) -> float:
+    """How much of a step is to be taken, if so much of the one before was, and that went further than its line says.
+
+    Of a slope that is too small the coefficients would go to and fro about where they are likeliest. What is asked for
+    next says where that was along the step before (A. C. Aitken 1926), and so much of the next leads there, too.
+    """
+    left = float(whole @ gram @ step) / max(float(whole @ gram @ whole), 1e-300)
+    return 1.0 if left >= 1 - share else max(share / (1 - left), _LEAST_SHARE)
 
 
 def _of_shapes(members: Sequence[Member]) -> Statistics:
@@ -327,7 +343,10 @@ def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> f
     return (about.square(weighing.train) + about.unsure(weighing.train)) / weighing.excess + prior
 
 
-def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -> _Step:
+def _stepped(
+    about: Linearised, members: Sequence[Member], weighing: Weighing, after: tuple[float, Array] | None = None
+) -> _Step:
+    """About members; `after`: so much of a step led there, and the whole of it."""
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
@@ -377,6 +396,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         promised=0.5 * float(np.sum((found.factor.T @ (step[free] / found.deviations)) ** 2)),
         cost=cost,
         log=-0.5 * cost - float(np.sum(np.log(np.diag(plain.factor)))) + _allowed(members, plain.spread),
+        share=1.0 if after is None else _to_and_fro(*after, step, statistics.gram),
     )
 
 
