@@ -75,7 +75,8 @@ def test_all_that_a_curve_does_is_what_its_coefficients_do_together(candidates):
     along = SimpleNamespace(
         angle=angle, load_angle=angle + 0.01, speed=speed, load_speed=speed + 1, direction=np.tanh(speed),
         load_direction=np.tanh(speed + 1), torque=30 * np.cos(2 * np.pi * time), motion_time_s=time,
-        load_acceleration=1500 * np.cos(2 * np.pi * time), number=3, time_s=time, load_torque_slope=speed,
+        load_acceleration=1500 * np.cos(2 * np.pi * time), number=3, time_s=time,
+        load_torque_slopes=np.stack([speed, angle], 1),
         wound=2e-3 * np.cos(2 * np.pi * time),
     )  # fmt: skip
     folded = [one for one in candidates.values() if one.whole is not None]

@@ -354,15 +354,18 @@ class Along:
         return self.present.load_inertia_at(self.load_angle)
 
     @cached_property
-    def load_torque_slope(self) -> Array:
-        """How much more torque the load takes for each radian further (N·m/rad), (n,), with what is present.
+    def load_torque_slopes(self) -> Array:
+        """How much more torque the load takes for each radian further (N·m/rad) and each rad/s faster (N·m·s/rad),
+        (n, 2), with what is present.
 
-        d/dθ of J α + ½ J' ω² − T: where an angle is misread, the load is taken for the one of another angle.
+        d/dθ and d/dω of J α + ½ J' ω² − T: where an angle is misread, the load is taken for the one of another angle,
+        which is passed at another speed.
         """
         _, slope, bend = inertia_of(self.present, self.load_angle)
         ends = [self.present.load_torque_at(self.load_angle + way * DIFFERENCE_RAD) for way in (1, -1)]
         pulled = (ends[0] - ends[1]) / (2 * DIFFERENCE_RAD)
-        return np.asarray(slope * self.load_acceleration + bend * self.load_speed**2 / 2 - pulled)
+        further = slope * self.load_acceleration + bend * self.load_speed**2 / 2 - pulled
+        return np.column_stack([further, slope * self.load_speed])
 
     @cached_property
     def carried(self) -> Array:

@@ -152,7 +152,8 @@ def _harmonic(along: Along, shape: Shape) -> Effect:
     Where the angle is misread, the load is the one of another angle: of half a degree that may be more than all else.
     """
     angle, speed = _misread(along, *shape)
-    return Effect(on_load=along.load_torque_slope[:, None] * angle, position=angle, speed=speed)
+    further, faster = np.split(along.load_torque_slopes, 2, axis=1)
+    return Effect(on_load=further * angle + faster * speed, position=angle, speed=speed)
 
 
 def _harmonic_whole(along: Along, shape: Shape, coefficients: Array) -> Effect:
