@@ -10,9 +10,10 @@ from strangers import STRANGERS, belief_of, session_of
 
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.machine import Load
-from schwung.explain.causes.along import DIFFERENCE_RAD, Along, inertia_of, ranges_of
+from schwung.explain.causes.along import Along, ranges_of
 from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.explain.causes.equations import load_taken
+from schwung.explain.causes.inertia_at import DIFFERENCE_RAD, inertia_of
 from schwung.explain.causes.joined import Joined, behind
 from schwung.explain.causes.known import known
 from schwung.explain.causes.present import Member

@@ -95,14 +95,24 @@ def missed(played_by: Machine, belief: Machine, *names: str) -> float:
     return float(np.sqrt(about.square([1]) / about.samples([1])))
 
 
-def test_a_misread_angle_changes_what_is_foreseen_as_its_line_says() -> None:
+@pytest.mark.parametrize(
+    "beside",
+    [
+        (),
+        (PhysicsTerm(name="cogging", order=24.0, amplitude_nm=2.0, phase_rad=0.3),),
+        (PhysicsTerm(name="local_friction", torque_nm=5.0, centre_rad=1.1, width_rad=0.19, sharpness=1.0),),
+    ],
+    ids=["an inertia", "cogging", "a tight spot"],
+)
+def test_a_misread_angle_changes_what_is_foreseen_as_its_line_says(beside: tuple[PhysicsTerm, ...]) -> None:
     """Beside an inertia of four waves a turn; without what the load takes at another speed the line was off by a fifth
-    of it and by two fifths: coefficients went to and fro about where they are likeliest."""
+    of it and by two fifths, and without what else acts at another angle by all of it: coefficients went to and fro
+    about where they are likeliest."""
     points = np.linspace(-0.5, 3.0, 800)
     waves = Load(inertia_table=InertiaTable(points, 0.022 * (1 + 0.4 * np.cos(4 * points))))
-    machine = PLAIN.model_copy(update={"load": waves})
+    machine = PLAIN.model_copy(update={"load": waves, "physics": beside})
     off = PhysicsTerm(name="encoder_eccentricity", amplitude_rad=1e-2, phase_rad=0.5)
-    runs = (played(machine), played(machine.model_copy(update={"physics": (off,)})))
+    runs = (played(machine), played(machine.model_copy(update={"physics": (*beside, off)})))
     view = _view(Session(runs, created="2026-01-01T00:00:00+00:00", source="misread"), machine, (), Work())
     laws, weighing = (
         vocabulary(view.ranges, view.known),

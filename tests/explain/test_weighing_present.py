@@ -8,8 +8,9 @@ import pytest
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.causes.along import Ranges, inertia_of
+from schwung.explain.causes.along import Ranges
 from schwung.explain.causes.candidate import Candidate
+from schwung.explain.causes.inertia_at import inertia_of
 from schwung.explain.causes.known import known
 from schwung.explain.causes.present import LEAST_SHARE, Member, with_members
 from schwung.explain.causes.vocabulary import vocabulary

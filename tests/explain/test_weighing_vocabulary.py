@@ -76,7 +76,7 @@ def test_all_that_a_curve_does_is_what_its_coefficients_do_together(candidates):
         angle=angle, load_angle=angle + 0.01, speed=speed, load_speed=speed + 1, direction=np.tanh(speed),
         load_direction=np.tanh(speed + 1), torque=30 * np.cos(2 * np.pi * time), motion_time_s=time,
         load_acceleration=1500 * np.cos(2 * np.pi * time), number=3, time_s=time,
-        load_torque_slopes=np.stack([speed, angle], 1),
+        load_torque_slopes=np.stack([speed, angle], 1), push_slopes=np.stack([angle, speed], 1),
         wound=2e-3 * np.cos(2 * np.pi * time),
     )  # fmt: skip
     folded = [one for one in candidates.values() if one.whole is not None]
@@ -86,7 +86,7 @@ def test_all_that_a_curve_does_is_what_its_coefficients_do_together(candidates):
         together = one.done(along, shape, coefficients).parts
         columns = one.effect(along, shape)
         if columns.position is not None:  # what the load is elsewhere, its states know once they are there
-            columns = replace(columns, on_load=None)
+            columns = replace(columns, on_motor=None, on_load=None)
         for part, each in zip(together, columns.parts, strict=True):
             assert (part is None) == (each is None)
             if part is not None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.causes.inertia_at import DIFFERENCE_RAD, inertia_of
 from schwung.explain.causes.sticking import direction, on_average, slowest
 from schwung.explain.causes.true_torque import TrueTorque, seems_clipped
 from schwung.innovations.held import corners
@@ -24,9 +25,8 @@ from schwung.session.model import Run
 Beside = tuple[Callable[["Along"], Array], ...]
 Passes = tuple[Callable[["Along"], Array], ...]
 Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
+Pushes = tuple[Callable[["Along"], tuple[Array | float, Array | float]], ...]
 _NONE_BEHIND = FurtherMass()
-#: Over which slopes by the angle are taken.
-DIFFERENCE_RAD = 1e-3
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
 SLIDES = 10.0
 
@@ -92,6 +92,7 @@ class Along:
         _NONE_BEHIND  # behind the load, known or present, where it is a state of the filter's
     )
     passes: Passes = ()  # what the motor gives more for a torque more that it is asked for, in parts; none: as much
+    pushes: Pushes = ()  # what acts on motor and load beside the machine (N·m)
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -354,6 +355,23 @@ class Along:
         return self.present.load_inertia_at(self.load_angle)
 
     @cached_property
+    def push_slopes(self) -> Array:
+        """How much more acts on motor and load for each radian further (N·m/rad), (n, 2), beside the machine."""
+        angles = ("load_angle",)  # of what follows from the states, all else is as it is
+        kept = {name: value for name, value in self.kept.items() if name not in angles}
+
+        def acts(way: int) -> Array:
+            by = way * DIFFERENCE_RAD
+            states = self.run.states + by * (np.arange(self.run.states.shape[1]) == 0)
+            run = replace(self.run, states=states, position_rad=self.run.position_rad + by)
+            there, none = replace(self, run=run, kept=dict(kept)), np.zeros((self.speed.size, 2))
+            return sum(
+                (np.stack(np.broadcast_arrays(*push(there), none[:, 0])[:2], 1) for push in self.pushes), none
+            )
+
+        return (acts(1) - acts(-1)) / (2 * DIFFERENCE_RAD)
+
+    @cached_property
     def load_torque_slopes(self) -> Array:
         """How much more torque the load takes for each radian further (N·m/rad) and each rad/s faster (N·m·s/rad),
         (n, 2), with what is present.
@@ -376,35 +394,6 @@ class Along:
         return np.asarray(k * self.wound + b * self.winding + sum(one(self) for one in self.besides))
 
 
-def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
-    """J_l of a machine at angles (n,), its slope and its bend.
-
-    Where there are more angles than differences within their range, those are worked out, and cubics go through
-    them.
-    """
-    h, inertia_at = DIFFERENCE_RAD, machine.load_inertia_at
-    if isinstance(machine.load_inertia, float):
-        return inertia_at(angle), np.zeros_like(angle), np.zeros_like(angle)
-    first, span = float(np.min(angle)), float(np.ptp(angle))
-    if span < 2 * h * angle.size and np.isfinite(span):
-        every = inertia_at(first + h * np.arange(-1.0, int(span / h) + 4.0))
-        middle, steep = every[1:-1], (every[2:] - every[:-2]) / (2 * h)
-        bent = (every[2:] - 2 * middle + every[:-2]) / h**2
-        left = ((angle - first) / h).astype(int)
-        x = (angle - first) / h - left
-        found = _through(middle, steep, left, x), _through(steep, bent, left, x)
-        return *found, bent[left] * (1 - x) + bent[left + 1] * x
-    low, middle, high = inertia_at(angle - h), inertia_at(angle), inertia_at(angle + h)
-    return middle, (high - low) / (2 * h), (high - 2 * middle + low) / h**2
-
-
-def _through(values: Array, slopes: Array, left: NDArray[np.intp], x: Array) -> Array:
-    """Cubics through values `DIFFERENCE_RAD` apart, of these slopes, at the share x of the way behind those `left`."""
-    y = 1 - x
-    ends = y**2 * (1 + 2 * x) * values[left] + x**2 * (1 + 2 * y) * values[left + 1]
-    return np.asarray(ends + DIFFERENCE_RAD * x * y * (y * slopes[left] - x * slopes[left + 1]))
-
-
 def along(
     run: Signals,
     recorded: Run,
@@ -422,13 +411,14 @@ def along(
     besides: Beside = (),
     further: FurtherMass = _NONE_BEHIND,
     passes: Passes = (),
+    pushes: Pushes = (),
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`, `further`, `passes`: see `Along`.
+    `View.loud`; all behind it: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, drives, besides, further, passes
+    told = gap_rad, filter_s, held_late, drives, besides, further, passes, pushes
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 

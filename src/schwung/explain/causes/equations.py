@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.causes.along import Along, inertia_of
+from schwung.explain.causes.along import Along
+from schwung.explain.causes.inertia_at import inertia_of
 from schwung.innovations.likelihood import Equations, Noise
 from schwung.innovations.play import LEAST_SHARE, through_play
 from schwung.innovations.steps import WITHIN, Steps, bulge, height_of, sloping, smoothly, straight

@@ -88,6 +88,7 @@ class Joined(Along):
     twist = _of_each("twist")
     twist_speed = _of_each("twist_speed")
     contact = _of_each("contact")
+    push_slopes = _of_each("push_slopes")
 
 
 def run_by_run(asked: Callable[Concatenate[Along, P], R]) -> Callable[Concatenate[Along, P], R]:

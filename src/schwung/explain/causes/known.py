@@ -25,7 +25,7 @@ from schwung.drivetrain.residual import (
 )
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
-from schwung.explain.causes.along import Along, Beside, Drives, Passes
+from schwung.explain.causes.along import Along, Beside, Drives, Passes, Pushes
 from schwung.explain.causes.joined import run_by_run
 from schwung.explain.causes.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.causes.present import (
@@ -39,6 +39,7 @@ from schwung.explain.causes.present import (
     gap_of,
     held_late_of,
     passes_of,
+    pushes_of,
 )
 from schwung.explain.causes.third_mass import stiffened, third_mass
 from schwung.innovations.effect import Effect
@@ -117,10 +118,10 @@ class Known:
 
     def told(
         self, members: Sequence[Member]
-    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes]:
+    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes, Pushes]:
         """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
-        acts, what drives the coupling further, what it carries beside spring and damper, a further mass, and what
-        becomes of a torque that is asked for."""
+        acts, what drives the coupling further, what it carries beside spring and damper, a further mass, what
+        becomes of a torque that is asked for, and what acts besides."""
         return (
             gap_of(self.effects.gap_rad, members),
             filter_of(self.effects.torque_filter_s, members),
@@ -129,6 +130,7 @@ class Known:
             besides_of(self.bending, members),
             further_of(self.further, self.effects.gap_rad, members),
             passes_of(self.passing, members),
+            pushes_of(self.effect, members),
         )
 
     def carried(self, members: Sequence[Member]) -> Member | None:

@@ -10,8 +10,9 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.causes.along import Along, Beside, Drives, Passes, Ranges
+from schwung.explain.causes.along import Along, Beside, Drives, Passes, Pushes, Ranges
 from schwung.explain.causes.candidate import Candidate, Shape
+from schwung.innovations.effect import Effect
 from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 
@@ -172,6 +173,19 @@ def passes_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Pas
 def _passes(member: Member, along: Along) -> Array:
     assert member.candidate.passes is not None
     return member.candidate.passes(along, member.shape, member.coefficients)
+
+
+def pushes_of(known: Callable[[Along], Effect], members: Sequence[Member]) -> Pushes:
+    """What acts on motor and load beside what belongs to the machine: as `known`, and by the members that are at a
+    place."""
+    acting = [
+        m for m in members if m.candidate.coordinate and not m.candidate.of_machine and np.any(m.coefficients)
+    ]
+    return lambda along: known(along).alone[:2], *(partial(_pushes, member) for member in acting)
+
+
+def _pushes(member: Member, along: Along) -> tuple[Array | float, Array | float]:
+    return member.candidate.done(along, member.shape, member.coefficients).alone[:2]
 
 
 def held_late_of(members: Sequence[Member]) -> float:

@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from schwung.explain.causes.along import DIFFERENCE_RAD, Along
+from schwung.explain.causes.along import Along
 from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.explain.causes.equations import Acting
+from schwung.explain.causes.inertia_at import DIFFERENCE_RAD
 from schwung.explain.causes.present import Member
 from schwung.explain.weighing.round import Linearised, acting
 from schwung.innovations.splines import slopes

@@ -19,9 +19,10 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.explain.causes.along import DIFFERENCE_RAD, Along, Ranges, inertia_of
+from schwung.explain.causes.along import Along, Ranges
 from schwung.explain.causes.candidate import LADDER, RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.causes.curves import BentCurve, Curve, column
+from schwung.explain.causes.inertia_at import DIFFERENCE_RAD, inertia_of
 from schwung.explain.causes.joined import run_by_run
 from schwung.explain.causes.vocabulary.friction import SHARP, bump
 from schwung.explain.causes.vocabulary.line import finest_order

@@ -149,11 +149,18 @@ def _misread(along: Along, order: float) -> tuple[Array, Array]:
 def _harmonic(along: Along, shape: Shape) -> Effect:
     """Coefficients are a n: by what share the reported speed is off, which is as natural at any order.
 
-    Where the angle is misread, the load is the one of another angle: of half a degree that may be more than all else.
+    Where the angle is misread, load and all that follows the angle are those of another one: of half a degree that may
+    be more than all else.
     """
     angle, speed = _misread(along, *shape)
     further, faster = np.split(along.load_torque_slopes, 2, axis=1)
-    return Effect(on_load=further * angle + faster * speed, position=angle, speed=speed)
+    on_motor, on_load = np.split(along.push_slopes, 2, axis=1)
+    return Effect(
+        -on_motor * angle if np.any(on_motor) else None,
+        (further - on_load) * angle + faster * speed,
+        position=angle,
+        speed=speed,
+    )
 
 
 def _harmonic_whole(along: Along, shape: Shape, coefficients: Array) -> Effect:
