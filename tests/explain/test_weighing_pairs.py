@@ -95,42 +95,54 @@ def missed(played_by: Machine, belief: Machine, *names: str) -> float:
     return float(np.sqrt(about.square([1]) / about.samples([1])))
 
 
+MISREAD = PhysicsTerm(name="encoder_eccentricity", amplitude_rad=1e-2, phase_rad=0.5)
+DRIVEN = PhysicsTerm(name="kinematic_error", order=31.0, amplitude_rad=1e-4, phase_rad=0.5)
+SPOT = PhysicsTerm(name="local_friction", torque_nm=5.0, centre_rad=1.1, width_rad=0.19, sharpness=1.0)
+
+
 @pytest.mark.parametrize(
-    "beside",
+    ("off", "beside"),
     [
-        (),
-        (PhysicsTerm(name="cogging", order=24.0, amplitude_nm=2.0, phase_rad=0.3),),
-        (PhysicsTerm(name="local_friction", torque_nm=5.0, centre_rad=1.1, width_rad=0.19, sharpness=1.0),),
+        (MISREAD, ()),
+        (MISREAD, (PhysicsTerm(name="cogging", order=24.0, amplitude_nm=2.0, phase_rad=0.3),)),
+        (MISREAD, (SPOT,)),
+        *(
+            (DRIVEN, (TERMS[name],))
+            for name in ("nonlinear_stiffness", "stiffness_over_angle", "coupling_hysteresis")
+        ),
     ],
-    ids=["an inertia", "cogging", "a tight spot"],
+    ids=lambda terms: (
+        " and ".join(one.name for one in (terms if isinstance(terms, tuple) else [terms])) or "inertia"
+    ),
 )
-def test_a_misread_angle_changes_what_is_foreseen_as_its_line_says(beside: tuple[PhysicsTerm, ...]) -> None:
-    """Beside an inertia of four waves a turn; without what the load takes at another speed the line was off by a fifth
-    of it and by two fifths, and without what else acts at another angle by all of it: coefficients went to and fro
-    about where they are likeliest."""
+def test_what_is_foreseen_changes_as_a_line_says(off: PhysicsTerm, beside: tuple[PhysicsTerm, ...]) -> None:
+    """Beside an inertia of four waves a turn. Of a misread angle the line was off by a fifth and two fifths of it
+    without what the load takes at another speed, and by all of it without what else acts at another angle:
+    coefficients went to and fro about where they are likeliest. Of a transmission it knew the coupling without what
+    bends it."""
     points = np.linspace(-0.5, 3.0, 800)
     waves = Load(inertia_table=InertiaTable(points, 0.022 * (1 + 0.4 * np.cos(4 * points))))
     machine = PLAIN.model_copy(update={"load": waves, "physics": beside})
-    off = PhysicsTerm(name="encoder_eccentricity", amplitude_rad=1e-2, phase_rad=0.5)
     runs = (played(machine), played(machine.model_copy(update={"physics": (*beside, off)})))
     view = _view(Session(runs, created="2026-01-01T00:00:00+00:00", source="misread"), machine, (), Work())
     laws, weighing = (
         vocabulary(view.ranges, view.known),
         Weighing(Noise(NOISE[2], NOISE[1], NOISE[0]), (1,), 1.0),
     )
-    misread = next(one for one in laws if one.name == "encoder_eccentricity")
+    law = next(one for one in laws if one.name == off.name)
+    shape, order = ((), 1.0) if off is MISREAD else ((31.0,), 31.0)
     usual = [absent(one) for one in laws if one.name.startswith("usual")]
 
     def about(coefficients: Array, view: View) -> Linearised:
-        members = [*usual, Member(misread, (), coefficients, np.array(misread.deviations))]
+        members = [*usual, Member(law, shape, coefficients, np.array(law.deviations))]
         for _ in range(6):
             found = smoothed(view, members, weighing)
             view = found.view
         return found
 
-    here = 1e-2 * np.array([np.cos(0.5), np.sin(0.5)])
+    here = order * off.parameters["amplitude_rad"] * np.array([np.cos(0.5), np.sin(0.5)])
     start = about(here, view)
-    lines = start.whitened([(misread, ())], [1]).copy()
+    lines = start.whitened([(law.about(here), shape)], [1]).copy()
     for step, line in zip(1e-5 * np.eye(2), lines, strict=True):
         ends = [about(here + way * step, start.view).innovations([1]) for way in (1, -1)]
         changed = (ends[0] - ends[1]) / 2e-5

@@ -9,7 +9,7 @@ from functools import cached_property, wraps
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.machine import Coupling, Machine
 from schwung.explain.causes.inertia_at import DIFFERENCE_RAD, inertia_of
 from schwung.explain.causes.sticking import direction, on_average, slowest
 from schwung.explain.causes.true_torque import TrueTorque, seems_clipped
@@ -25,6 +25,7 @@ from schwung.session.model import Run
 Beside = tuple[Callable[["Along"], Array], ...]
 Passes = tuple[Callable[["Along"], Array], ...]
 Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
+Eases = tuple[Callable[["Along"], Array], ...]
 Pushes = tuple[Callable[["Along"], tuple[Array | float, Array | float]], ...]
 _NONE_BEHIND = FurtherMass()
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
@@ -92,6 +93,7 @@ class Along:
         _NONE_BEHIND  # behind the load, known or present, where it is a state of the filter's
     )
     passes: Passes = ()  # what the motor gives more for a torque more that it is asked for, in parts; none: as much
+    eases: Eases = ()  # how much stiffer the coupling is, and more damped, about its wind-up, (n, 2)
     pushes: Pushes = ()  # what acts on motor and load beside the machine (N·m)
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
@@ -343,6 +345,11 @@ class Along:
         """And how fast (rad/s)."""
         return np.asarray(self.contact[:, 0] * self.apart[:, 1])
 
+    def coupling_about(self, coupling: Coupling) -> Array:
+        """Stiffness (N·m/rad) and damping (N·m·s/rad) of a coupling that bends so, about its wind-up, (n, 2)."""
+        whole = np.broadcast_to([coupling.stiffness_nm_rad, coupling.damping_nms], (self.speed.size, 2))
+        return np.asarray(sum((one(self) for one in self.eases), whole))
+
     def _heard(self, values: Array, which: int) -> Array:
         if self.gap_rad > 0:
             return values  # free flights are far above the band
@@ -411,6 +418,7 @@ def along(
     besides: Beside = (),
     further: FurtherMass = _NONE_BEHIND,
     passes: Passes = (),
+    eases: Eases = (),
     pushes: Pushes = (),
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
@@ -418,7 +426,7 @@ def along(
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, drives, besides, further, passes, pushes
+    told = gap_rad, filter_s, held_late, drives, besides, further, passes, eases, pushes
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 

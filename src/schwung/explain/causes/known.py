@@ -25,7 +25,7 @@ from schwung.drivetrain.residual import (
 )
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
-from schwung.explain.causes.along import Along, Beside, Drives, Passes, Pushes
+from schwung.explain.causes.along import Along, Beside, Drives, Eases, Passes, Pushes
 from schwung.explain.causes.joined import run_by_run
 from schwung.explain.causes.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.causes.present import (
@@ -34,6 +34,7 @@ from schwung.explain.causes.present import (
     carried_by,
     changed,
     drives_of,
+    eases_of,
     filter_of,
     further_of,
     gap_of,
@@ -118,10 +119,10 @@ class Known:
 
     def told(
         self, members: Sequence[Member]
-    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes, Pushes]:
+    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes, Eases, Pushes]:
         """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
         acts, what drives the coupling further, what it carries beside spring and damper, a further mass, what
-        becomes of a torque that is asked for, and what acts besides."""
+        becomes of a torque that is asked for, how much stiffer the coupling is, and what acts besides."""
         return (
             gap_of(self.effects.gap_rad, members),
             filter_of(self.effects.torque_filter_s, members),
@@ -130,6 +131,7 @@ class Known:
             besides_of(self.bending, members),
             further_of(self.further, self.effects.gap_rad, members),
             passes_of(self.passing, members),
+            eases_of(self.tangent if self.bends else None, members),
             pushes_of(self.effect, members),
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.causes.along import Along, Beside, Drives, Passes, Pushes, Ranges
+from schwung.explain.causes.along import Along, Beside, Drives, Eases, Passes, Pushes, Ranges
 from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.innovations.effect import Effect
 from schwung.innovations.values import FurtherMass
@@ -131,6 +131,17 @@ def besides_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Be
 def _carried(member: Member, along: Along) -> Array:
     _, on_load, _, _ = member.candidate.done(along, member.shape, member.coefficients).alone
     return np.asarray(on_load + 0.0 * along.speed)
+
+
+def eases_of(known: Callable[[Along], Array] | None, members: Sequence[Member]) -> Eases:
+    """How much stiffer the coupling is about its wind-up: as `known`, None: no more; and by the members."""
+    bending = [m for m in members if m.candidate.tangent is not None and np.any(m.coefficients)]
+    return *(() if known is None else (known,)), *(partial(_eases, member) for member in bending)
+
+
+def _eases(member: Member, along: Along) -> Array:
+    assert member.candidate.tangent is not None
+    return member.candidate.tangent(along, member.shape, member.coefficients)
 
 
 def drives_of(known: Callable[[Along], tuple[Array, Array]], members: Sequence[Member]) -> Drives:

@@ -144,11 +144,12 @@ def shaft(
         """Coefficients are a n, as of an encoder, of a wave or of two. The motor feels the coupling by the ratio that
         drives it."""
         there, (further, faster) = along.present.coupling or coupling, further_by(along, shape, errors.size)
-        pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed[:, None]
-        pushed = along.contact[:, :1] * pushed
+        quicker, bent = faster * along.speed[:, None], along.coupling_about(there)
+        pushed = along.contact[:, :1] * (bent[:, :1] * further + bent[:, 1:] * quicker)
         more, carried = column(faster @ errors), column(along.carried)
-        # whether a gap touches follows from what it pushes: that is the filter's
-        pushes = column(pushed @ errors) if along.gap_rad == 0 else 0 * more
+        # what bends the coupling is wound up by it, too; whether a gap touches follows from it, and is the filter's
+        straight = column((there.stiffness_nm_rad * further + there.damping_nms * quicker) @ errors)
+        pushes = along.contact[:, :1] * straight if along.gap_rad == 0 else 0 * more
         return (
             Effect(-(1 + more) * pushed - faster * carried, pushed),
             Effect(-pushes - more * carried, pushes),
@@ -178,8 +179,7 @@ def shaft(
 
     def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
         there = along.present.coupling or coupling
-        stiffer = there.stiffness_nm_rad * (turning(along, shape[0]) @ shares)
-        return np.stack([stiffer, 0 * stiffer], 1)
+        return np.outer(there.stiffness_nm_rad * (turning(along, shape[0]) @ shares), [1.0, 0.0])
 
     return [
         Candidate("motor_inertia", _rotor, (3 * share * rotor_kgm2,),
