@@ -15,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import schwung
+from schwung.explain.weighing.values import Parameter, Timing
 from schwung.innovations.likelihood import Noise
 from schwung_sim.bench import Bench
 
@@ -50,6 +51,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
                 runners_up=(),
                 noise=Noise(0.1, 0.01, 1e-5),
                 excess=1.0,
+                timing=Timing(Parameter(0.0, -1e-6, 1e-6), "speed", 7e-5),
                 proof=None,
                 overlays=(),
                 machine=made["believed"],
