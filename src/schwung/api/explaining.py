@@ -28,7 +28,8 @@ class Explanation(Shown, Published):
     Attributes: `names` (each with `physics`, `probability`, 0…1, `parameters` with unit and 95 % interval), `curves`
     (what has no name: `coordinate`, `torque_nm`, `drawn` with arrays (n,) of N·m, `formula`), `runners_up` (sets of
     names), `noise` (N·m, rad/s, rad), `timing` (by how much later torque is reported than speed, s), `proof` (on runs
-    kept aside, in deviations of the noise, before and after), `machine` (the belief with what was learned). `to_json()`: the document of explanation.json.
+    kept aside, in deviations of the noise, before and after), `machine` (the belief with what was
+    learned). `to_json()`: the document of explanation.json.
 
     Raises InputError where `explain` does.
 
