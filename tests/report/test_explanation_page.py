@@ -199,7 +199,7 @@ def test_what_is_reported_later_is_told_as_so_much_later(later_us, than, told):
     later = Parameter(*(1e-6 * each for each in later_us))
     found = replace(answer(), timing=Timing(later, than, 7e-5))
     who, whom, size = told
-    row = (f"the {who} is reported later than the {whom} by", size)
+    row = (f"the {who} is reported later than the {whom}, beyond the belief, by", size)
     assert row in fact_rows(found, units_of("rotary", "torque"))
 
 

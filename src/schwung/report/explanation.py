@@ -238,7 +238,7 @@ def timing_row(of: Published, units: Units) -> tuple[str, str]:
         later, sooner, value, low, high = sooner, later, -value, -high, -low
     usual = ", as is usual" if value < 1.96e6 * timing.usual_s else ""
     told = f"{value:.3g} µs ({low:.3g} … {high:.3g}){usual}".replace("-", "−")
-    return f"the {later} is reported later than the {sooner} by", told
+    return f"the {later} is reported later than the {sooner}, beyond the belief, by", told
 
 
 def set_rows(of: Published) -> list[tuple[str, str, str]]:

@@ -41,8 +41,8 @@ class Unnamed:
 
 @dataclass(frozen=True)
 class Timing:
-    """By how much later torque is reported than speed, or than angle where no speed was measured: all of it, whether it
-    has a name or is usual."""
+    """By how much later torque is reported than speed, or than angle where no speed was measured, beyond what is
+    believed: all of that, whether it has a name or is usual."""
 
     later_s: Parameter
     than: str  # "speed" or "position"
