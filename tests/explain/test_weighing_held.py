@@ -34,7 +34,7 @@ def sure(found: Posterior) -> list[str]:
 
 def taken(found: Posterior) -> float:
     """In ticks after the sample whose injection it is taken for."""
-    return 8 * found.grown.climbed.at.about.alongs[1].held_late
+    return 8 * found.grown.climbed.at.about.alongs[1].beyond.held_late
 
 
 @pytest.mark.long

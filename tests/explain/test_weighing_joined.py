@@ -70,7 +70,7 @@ def asked_of(one: Candidate, shape: Shape, coefficients: np.ndarray) -> list[Cal
 @pytest.mark.parametrize("gap_rad", [0.0, PLAY_RAD])
 def test_every_cause_does_to_joined_runs_what_it_does_to_each(view, gap_rad):
     """Whoever adds one that goes from sample to sample, or has numbers of each run's own, says so (`run_by_run`)."""
-    parts = [replace(part, gap_rad=gap_rad) for part in view.alongs(())]
+    parts = [replace(part, beyond=replace(part.beyond, gap_rad=gap_rad)) for part in view.alongs(())]
     joined, chance = Joined.of(parts), np.random.default_rng(3)
     candidates = [*vocabulary(view.ranges, view.known), *(one.curve for one in repeated(view.recorded, 1.0))]
     for one in candidates:

@@ -56,7 +56,7 @@ def test_it_is_wherever_in_its_step_the_drive_takes_what_is_held(
     corners = held.time_s + taken * STEP_S
     now, was = (np.interp(held.time_s - late_s, corners, held.speed) for late_s in (0.0, delay_s))
     run = replace(held.run, states=np.column_stack([0 * now, now]), speed_rad_s=now)
-    along = replace(held, run=run, held_late=taken, kept={})
+    along = replace(held, run=run, beyond=replace(held.beyond, held_late=taken), kept={})
     late = delay_s * acceleration_bent(along, delay_s / 2)
     inside = slice(20, -20)
     assert np.max(np.abs(now - late - was)[inside]) < 0.015 * np.max(np.abs(now - was)[inside])

@@ -21,13 +21,6 @@ from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 from schwung.session.model import Run
 
-#: Torques (N·m) along a run, (n,) each; angles (rad) and their rates (rad/s).
-Beside = tuple[Callable[["Along"], Array], ...]
-Passes = tuple[Callable[["Along"], Array], ...]
-Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
-Eases = tuple[Callable[["Along"], Array], ...]
-Pushes = tuple[Callable[["Along"], tuple[Array | float, Array | float]], ...]
-_NONE_BEHIND = FurtherMass()
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
 SLIDES = 10.0
 
@@ -56,6 +49,30 @@ class Ranges:
         return self.high_rad - self.low_rad
 
 
+_NO_MASS = FurtherMass()
+#: Something along a run, (n,) or (n, 2), each part by one cause.
+Parts = tuple[Callable[["Along"], Array], ...]
+Pairs = tuple[Callable[["Along"], tuple[Array | float, Array | float]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Beyond:
+    """What is known or present beyond the machine's inertias, spring and damper, as far as others depend on it."""
+
+    gap_rad: float = 0.0  # of the coupling
+    filter_s: float = 0.0  # by how much a filter delays the reported torque
+    held_late: float = 0.0  # by what share of a step a held injection is taken later than it was sampled
+    further: FurtherMass = _NO_MASS  # behind the load, where it is a state of the filter's
+    drives: Pairs = ()  # how much further the coupling is driven than the motor turns, and how much faster
+    besides: Parts = ()  # what the coupling carries beside spring and damper (N·m)
+    eases: Parts = ()  # how much stiffer it is, and more damped, about its wind-up, (n, 2)
+    passes: Parts = ()  # what the motor gives more for a torque more that it is asked for; none: as much
+    pushes: Pairs = ()  # what acts on motor and load beside the machine (N·m)
+
+
+_NOTHING = Beyond()
+
+
 def _kept(coordinate: Callable[[Along], Array]) -> Callable[[Along], Array]:
     """Of the states alone: worked out once for them, whatever else is present."""
 
@@ -82,19 +99,7 @@ class Along:
     true_torque: TrueTorque
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
     loud: Sequence[Array] | None = None  # `loudness` of what noise alone makes: see `View.loud`
-    gap_rad: float = 0.0  # of the coupling, known and present
-    filter_s: float = 0.0  # by how much a filter delays the reported torque, known and present
-    held_late: float = (
-        0.0  # by what share of a step the drive takes a held injection later than it was sampled
-    )
-    drives: Drives = ()  # how much further the coupling is driven than the motor turns, and how much faster
-    besides: Beside = ()  # what the coupling carries beside spring and damper (N·m)
-    further: FurtherMass = (
-        _NONE_BEHIND  # behind the load, known or present, where it is a state of the filter's
-    )
-    passes: Passes = ()  # what the motor gives more for a torque more that it is asked for, in parts; none: as much
-    eases: Eases = ()  # how much stiffer the coupling is, and more damped, about its wind-up, (n, 2)
-    pushes: Pushes = ()  # what acts on motor and load beside the machine (N·m)
+    beyond: Beyond = _NOTHING  # what is present beyond that machine
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -190,11 +195,11 @@ class Along:
     def _sharp_nm(self) -> Array | float:
         """What a coupling with play carries beyond the band."""
         coupling = self.present.coupling
-        if self.gap_rad <= 0 or coupling is None:
+        if self.beyond.gap_rad <= 0 or coupling is None:
             return 0.0
         apart, rate = self.apart.T
-        pressed = coupling.stiffness_nm_rad * (apart - np.sign(apart) * self.gap_rad / 2)
-        carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * rate)
+        pressed = coupling.stiffness_nm_rad * (apart - np.sign(apart) * self.beyond.gap_rad / 2)
+        carried = self.touches_with(self.beyond.gap_rad) * (pressed + coupling.damping_nms * rate)
         return np.asarray(carried - self.run.quiet(carried))
 
     @cached_property
@@ -204,7 +209,7 @@ class Along:
         drive, step = self.run.drive, self.run.step_s
         if not drive.held.is_any:
             return (np.zeros_like(self.time_s),) * 2
-        rate = slopes(drive.held.curve(self.held_late * step), step)
+        rate = slopes(drive.held.curve(self.beyond.held_late * step), step)
         jump = rate * step / self.rotor
         return jump, np.gradient(jump)
 
@@ -220,7 +225,9 @@ class Along:
         motion's samples, which has the corners' part in them, see `corners`."""
         jump, change = self.held
         return np.asarray(
-            self.acceleration - (0.5 - self.held_late) * jump + corners(self.held_late)[0] * change
+            self.acceleration
+            - (0.5 - self.beyond.held_late) * jump
+            + corners(self.beyond.held_late)[0] * change
         )
 
     @cached_property
@@ -236,7 +243,11 @@ class Along:
     @cached_property
     def load_acceleration(self) -> Array:
         """As far as it is heard: of noise it would foresee the noise that it was smoothed from."""
-        return self._smooth_load_acceleration if self.gap_rad <= 0 else self._heard_as_load(self.accelerated)
+        return (
+            self._smooth_load_acceleration
+            if self.beyond.gap_rad <= 0
+            else self._heard_as_load(self.accelerated)
+        )
 
     @property
     @_kept
@@ -259,7 +270,7 @@ class Along:
     def given_rate(self) -> Array:
         """How the torque changes that a motor gives of what it is asked for: what a current loop lags behind."""
         rate = self.torque_rate
-        return rate * np.asarray(sum(one(self) for one in self.passes)) if self.passes else rate
+        return rate * np.asarray(sum(one(self) for one in self.beyond.passes)) if self.beyond.passes else rate
 
     @property
     def beyond_band(self) -> Array:
@@ -274,7 +285,7 @@ class Along:
     @property
     def reported_rate(self) -> Array:
         """How that part of the torque changes which the drive reports: a held injection is known as it was sent."""
-        found = self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
+        found = self.true_torque.rate if self.beyond.gap_rad <= 0 else self.true_torque.sharp_rate
         return found - self._injected[0][1]
 
     @property
@@ -286,7 +297,7 @@ class Along:
         """A held injection within the band and its two derivatives, taken at once and as late as it is."""
         if not self.run.drive.held.is_any:
             return ((0.0, 0.0, 0.0),) * 2
-        return self.run.injected(0.0), self.run.injected(self.held_late * self.run.step_s)
+        return self.run.injected(0.0), self.run.injected(self.beyond.held_late * self.run.step_s)
 
     @property
     @_kept
@@ -314,9 +325,9 @@ class Along:
         if self.met is not None:
             steps = np.concatenate([self.met[:1], self.met, self.met[-1:]])
             return np.asarray(steps[1:] + steps[:-1]) / 2
-        touches = self.touches_with(self.gap_rad).astype(float)
+        touches = self.touches_with(self.beyond.gap_rad).astype(float)
         side = touches * np.sign(self.apart[:, 0])
-        return np.column_stack([touches, side, side * self.gap_rad / 2])
+        return np.column_stack([touches, side, side * self.beyond.gap_rad / 2])
 
     @cached_property
     def turned(self) -> Array:
@@ -327,7 +338,7 @@ class Along:
     @cached_property
     def driven(self) -> Array:
         """How much further the coupling is driven than the motor turns, and how much faster (rad, rad/s), (n, 2)."""
-        every = [np.column_stack(drives(self)) for drives in self.drives]
+        every = [np.column_stack(drives(self)) for drives in self.beyond.drives]
         return np.asarray(sum(every, np.zeros((self.speed.size, 2))))
 
     @cached_property
@@ -348,10 +359,10 @@ class Along:
     def coupling_about(self, coupling: Coupling) -> Array:
         """Stiffness (N·m/rad) and damping (N·m·s/rad) of a coupling that bends so, about its wind-up, (n, 2)."""
         whole = np.broadcast_to([coupling.stiffness_nm_rad, coupling.damping_nms], (self.speed.size, 2))
-        return np.asarray(sum((one(self) for one in self.eases), whole))
+        return np.asarray(sum((one(self) for one in self.beyond.eases), whole))
 
     def _heard(self, values: Array, which: int) -> Array:
-        if self.gap_rad > 0:
+        if self.beyond.gap_rad > 0:
             return values  # free flights are far above the band
         quiet = np.asarray(self.run.quiet(values))
         return quiet if self.loud is None else heard(quiet, self.loud[which])
@@ -373,7 +384,11 @@ class Along:
             run = replace(self.run, states=states, position_rad=self.run.position_rad + by)
             there, none = replace(self, run=run, kept=dict(kept)), np.zeros((self.speed.size, 2))
             return sum(
-                (np.stack(np.broadcast_arrays(*push(there), none[:, 0])[:2], 1) for push in self.pushes), none
+                (
+                    np.stack(np.broadcast_arrays(*push(there), none[:, 0])[:2], 1)
+                    for push in self.beyond.pushes
+                ),
+                none,
             )
 
         return (acts(1) - acts(-1)) / (2 * DIFFERENCE_RAD)
@@ -398,36 +413,12 @@ class Along:
         if self.present.coupling is None:
             return np.asarray(self.inertia * self.load_acceleration)
         k, b = self.present.coupling.stiffness_nm_rad, self.present.coupling.damping_nms
-        return np.asarray(k * self.wound + b * self.winding + sum(one(self) for one in self.besides))
+        return np.asarray(k * self.wound + b * self.winding + sum(one(self) for one in self.beyond.besides))
 
 
-def along(
-    run: Signals,
-    recorded: Run,
-    machine: Machine,
-    present: Machine,
-    ranges: Ranges,
-    number: int,
-    true_torque: TrueTorque,
-    kept: dict[str, Array] | None = None,
-    loud: Sequence[Array] | None = None,
-    gap_rad: float = 0.0,
-    filter_s: float = 0.0,
-    held_late: float = 0.0,
-    drives: Drives = (),
-    besides: Beside = (),
-    further: FurtherMass = _NONE_BEHIND,
-    passes: Passes = (),
-    eases: Eases = (),
-    pushes: Pushes = (),
-) -> Along:
-    """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; all behind it: see `Along`.
-    """
-    starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
-    begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, drives, besides, further, passes, eases, pushes
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
+def leaves_rest_s(recorded: Run) -> float:
+    """When the motion of a run begins."""
+    return recorded.motion.start_time_s if recorded.motion is not None else 0.0
 
 
 def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:

@@ -145,7 +145,7 @@ def equations_of(
     run, machine = along.run, along.present
     load = load_taken(along, acting) if load is None else load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), run.time_s.shape)
-    motor = run.drive.taken(along.held_late * run.step_s, along.true_torque.within_steps)
+    motor = run.drive.taken(along.beyond.held_late * run.step_s, along.true_torque.within_steps)
     middle = load.inertia
     torques = np.stack(
         [
@@ -158,7 +158,7 @@ def equations_of(
         ],
         axis=1,
     )
-    shaft, bent = shaft_of(machine, along.further), np.asarray(acting.coupling, dtype=float)
+    shaft, bent = shaft_of(machine, along.beyond.further), np.asarray(acting.coupling, dtype=float)
     whole = np.array([shaft.stiffness, shaft.damping])
     if bent.ndim:
         coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
@@ -174,8 +174,8 @@ def equations_of(
     surely = _rigid_ratio(along, middle) if alone else np.ones_like(middle)
     size = steps.transition.shape[1]
     forced = np.einsum("ksi,ki->ks", steps.inputs, torques)
-    if along.held_late and run.drive.held.is_any:
-        share, jumps = run.drive.held.changes(along.held_late * run.step_s)
+    if along.beyond.held_late and run.drive.held.is_any:
+        share, jumps = run.drive.held.changes(along.beyond.held_late * run.step_s)
         forced -= jumps[:, None] * steps.early(shaft, coupling, middle, run.step_s, share)
     transition = np.zeros((push.size - 1, size + 1, size + 1))
     forcing = np.zeros((push.size - 1, size + 1))
@@ -195,9 +195,9 @@ def equations_of(
     equations = Equations(
         transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques, on_load=on_load
     )
-    if along.gap_rad > 0 and not shaft.rigid:
+    if along.beyond.gap_rad > 0 and not shaft.rigid:
         return through_play(
-            equations, steps, shaft, coupling, middle, along.driven, along.gap_rad, noise, run
+            equations, steps, shaft, coupling, middle, along.driven, along.beyond.gap_rad, noise, run
         )
     return equations, steps
 

@@ -25,7 +25,7 @@ from schwung.drivetrain.residual import (
 )
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
-from schwung.explain.causes.along import Along, Beside, Drives, Eases, Passes, Pushes
+from schwung.explain.causes.along import Along, Beyond
 from schwung.explain.causes.joined import run_by_run
 from schwung.explain.causes.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.causes.present import (
@@ -86,7 +86,7 @@ class Known:
         torque = along.run.drive.whole_nm
         true = _driving(e, torque)
         if np.isfinite(e.torque_limit_nm):
-            true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
+            true = true + along.run.drive.asked(partial(_cut, e), along.beyond.filter_s)
         if e.torque_lag_s > 0:
             changes = _slope(e, torque) * along.torque_rate
             true = true - e.torque_lag_s * lagging(along, changes, e.torque_lag_s)
@@ -97,7 +97,7 @@ class Known:
             on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
         if e.load_coulomb_nm:
             on_load = on_load - e.load_coulomb_nm * along.load_direction
-        if e.third_inertia_kgm2 > 0 and (self.further.rate == 0 or along.gap_rad > 0):
+        if e.third_inertia_kgm2 > 0 and (self.further.rate == 0 or along.beyond.gap_rad > 0):
             on_load = on_load - _further_mass(e, along)
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
@@ -106,7 +106,7 @@ class Known:
             there = along.present.coupling
             assert there is not None
             further, faster = self.driven(along)
-            if along.gap_rad == 0:  # else that is the filter's, where it touches
+            if along.beyond.gap_rad == 0:  # else that is the filter's, where it touches
                 coupled = coupled + there.stiffness_nm_rad * further + there.damping_nms * faster
             on_motor = on_motor - _driven(e, along.angle)[1] * along.carried
         position, speed = _reported(e, along.angle, along.speed)
@@ -117,22 +117,18 @@ class Known:
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
-    def told(
-        self, members: Sequence[Member]
-    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes, Eases, Pushes]:
-        """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
-        acts, what drives the coupling further, what it carries beside spring and damper, a further mass, what
-        becomes of a torque that is asked for, how much stiffer the coupling is, and what acts besides."""
-        return (
-            gap_of(self.effects.gap_rad, members),
-            filter_of(self.effects.torque_filter_s, members),
-            held_late_of(members),
-            drives_of(self.driven, members),
-            besides_of(self.bending, members),
-            further_of(self.further, self.effects.gap_rad, members),
-            passes_of(self.passing, members),
-            eases_of(self.tangent if self.bends else None, members),
-            pushes_of(self.effect, members),
+    def beyond(self, members: Sequence[Member]) -> Beyond:
+        """What is known, and the members'."""
+        return Beyond(
+            gap_rad=gap_of(self.effects.gap_rad, members),
+            filter_s=filter_of(self.effects.torque_filter_s, members),
+            held_late=held_late_of(members),
+            further=further_of(self.further, self.effects.gap_rad, members),
+            drives=drives_of(self.driven, members),
+            besides=besides_of(self.bending, members),
+            eases=eases_of(self.tangent if self.bends else None, members),
+            passes=passes_of(self.passing, members),
+            pushes=pushes_of(self.effect, members),
         )
 
     def carried(self, members: Sequence[Member]) -> Member | None:

@@ -53,7 +53,7 @@ def acceleration_bent(along: Along, time_s: float, late_s: float | None = None) 
     injection's corners do, only the rotor follows so fast (`corners`): at the share x behind one, what was y before
     misses h/J_r (½ (ΔT − y Δ²T) (B₂(x) − B₂(x + y)) + ⅓ Δ²T (B₃(x) − B₃(x + y))), and so again after a whole step.
     """
-    steps, x = (2 * time_s if late_s is None else late_s) / along.run.step_s, along.held_late
+    steps, x = (2 * time_s if late_s is None else late_s) / along.run.step_s, along.beyond.held_late
     if not along.run.drive.held.is_any or steps == 0:
         return lagging(along, along.acceleration_before, time_s)
     jump, change = along.held

@@ -10,7 +10,7 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.causes.along import Along, Beside, Drives, Eases, Passes, Pushes, Ranges
+from schwung.explain.causes.along import Along, Pairs, Parts, Ranges
 from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.innovations.effect import Effect
 from schwung.innovations.values import FurtherMass
@@ -122,7 +122,7 @@ def gap_of(known_rad: float, members: Sequence[Member]) -> float:
     return max(known_rad + added, 0.0)
 
 
-def besides_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Beside:
+def besides_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Parts:
     """What the coupling carries beside a spring and a damper (N·m): what is `known`, and the members'."""
     bending = [m for m in members if m.candidate.tangent is not None and np.any(m.coefficients)]
     return known, *(partial(_carried, member) for member in bending)
@@ -133,7 +133,7 @@ def _carried(member: Member, along: Along) -> Array:
     return np.asarray(on_load + 0.0 * along.speed)
 
 
-def eases_of(known: Callable[[Along], Array] | None, members: Sequence[Member]) -> Eases:
+def eases_of(known: Callable[[Along], Array] | None, members: Sequence[Member]) -> Parts:
     """How much stiffer the coupling is about its wind-up: as `known`, None: no more; and by the members."""
     bending = [m for m in members if m.candidate.tangent is not None and np.any(m.coefficients)]
     return *(() if known is None else (known,)), *(partial(_eases, member) for member in bending)
@@ -144,7 +144,7 @@ def _eases(member: Member, along: Along) -> Array:
     return member.candidate.tangent(along, member.shape, member.coefficients)
 
 
-def drives_of(known: Callable[[Along], tuple[Array, Array]], members: Sequence[Member]) -> Drives:
+def drives_of(known: Callable[[Along], tuple[Array, Array]], members: Sequence[Member]) -> Pairs:
     """How much further and faster the coupling is driven: as `known`, and by the members."""
     return known, *(partial(_driven, m) for m in members if m.candidate.drives and np.any(m.coefficients))
 
@@ -176,7 +176,7 @@ def further_of(known: FurtherMass, known_gap_rad: float, members: Sequence[Membe
     return carried.candidate.further(carried.coefficients, carried.shape)
 
 
-def passes_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Passes:
+def passes_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Parts:
     """What the motor gives more for a torque more that it is asked for: as `known`, and by the members."""
     return known, *(partial(_passes, m) for m in members if m.candidate.passes and np.any(m.coefficients))
 
@@ -186,7 +186,7 @@ def _passes(member: Member, along: Along) -> Array:
     return member.candidate.passes(along, member.shape, member.coefficients)
 
 
-def pushes_of(known: Callable[[Along], Effect], members: Sequence[Member]) -> Pushes:
+def pushes_of(known: Callable[[Along], Effect], members: Sequence[Member]) -> Pairs:
     """What acts on motor and load beside what belongs to the machine: as `known`, and by the members that are at a
     place."""
     acting = [

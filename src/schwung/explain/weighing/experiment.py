@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.explain.causes.along import Along, along
+from schwung.explain.causes.along import Along, leaves_rest_s
 from schwung.explain.causes.candidate import Candidate, Shape
 from schwung.explain.causes.equations import equations_of
 from schwung.explain.causes.present import with_members
@@ -183,11 +183,12 @@ class Rivals:
         )
         view = resmoothed(view, (), about.noise)
         present = with_members(known.machine, members, ranges)
-        told = known.told(members)
+        beyond = known.beyond(members)
         alongs, passed = [], []
         for number, (signal, recorded, torque) in enumerate(zip(view.runs, runs, torques, strict=True)):
             place = ranges.runs + number  # what drifts goes on drifting
-            where = along(signal, recorded, known.machine, present, ranges, place, torque, None, None, *told)
+            begins = leaves_rest_s(recorded)
+            where = Along(signal, known.machine, present, ranges, place, begins, torque, beyond=beyond)
             true = TrueTorque(signal, torque.nm - _beyond_belief(where, self.posterior))
             where = replace(where, true_torque=true)
             alongs.append(where)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from schwung.explain.causes.along import Along, Ranges, along
+from schwung.explain.causes.along import Along, Ranges, leaves_rest_s
 from schwung.explain.causes.candidate import Candidate, Missed, Shape
 from schwung.explain.causes.equations import Acting, equations_of, load_taken, together
 from schwung.explain.causes.joined import Joined
@@ -82,19 +82,19 @@ class View:
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
-        told = self.known.told(members)
+        beyond = self.known.beyond(members)
         return [
-            along(
+            Along(
                 run,
-                recorded,
                 self.known.machine,
                 present,
                 self.ranges,
                 number,
+                leaves_rest_s(recorded),
                 self.torques[number],
                 self._kept[number],
                 self.loud[number] if self.loud else None,
-                *told,
+                beyond,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -229,7 +229,7 @@ class Linearised:
         for run, where, is_held in zip(runs, joined.wheres, held, strict=True):
             passed, signals = self.passed[run], self.view.runs[run]
             if is_held:
-                later = signals.drive.held.slope(self.alongs[run].held_late * signals.step_s)
+                later = signals.drive.held.slope(self.alongs[run].beyond.held_late * signals.step_s)
                 own = Effect(*(None if part is None else part[where] for part in beside))
                 found = passed.driven(later).innovations + passed.whitened([own])[0]
                 rows[holds, across : across + passed.samples] = found
@@ -238,25 +238,20 @@ class Linearised:
     def _beside(self, joined: Joined) -> Effect:
         """What all that is present does otherwise along some runs where what is held is taken later, by a step: of a
         late speed, the corners are elsewhere."""
-        later, earlier = (
-            acting_on_each(
-                self.view,
-                Joined.of([replace(one, held_late=one.held_late + way * _APART) for one in joined.parts]),
-                self.members,
-            )[0]
-            for way in (1, -1)
+
+        def later(way: int) -> Acting:
+            parts = [
+                replace(one, beyond=replace(one.beyond, held_late=one.beyond.held_late + way * _APART))
+                for one in joined.parts
+            ]
+            return acting_on_each(self.view, Joined.of(parts), self.members)[0]
+
+        after, before = later(1), later(-1)
+        slopes = (
+            (getattr(after, way) - getattr(before, way)) / (2 * _APART) + np.zeros_like(joined.speed)
+            for way in ("on_motor", "on_load", "position", "speed")
         )
-        return Effect(
-            *(
-                ((one - other) * np.ones_like(joined.speed) / (2 * _APART))[:, None]
-                for one, other in (
-                    (later.on_motor, earlier.on_motor),
-                    (later.on_load, earlier.on_load),
-                    (later.position, earlier.position),
-                    (later.speed, earlier.speed),
-                )
-            )
-        )
+        return Effect(*(slope[:, None] for slope in slopes))
 
     def _few_samples(self, runs: Sequence[int]) -> list[list[int]]:
         """These runs, as many at once as there is room for their columns in the nearest memory."""

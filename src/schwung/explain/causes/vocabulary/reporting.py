@@ -133,7 +133,9 @@ def _clipped(along: Along, shape: Shape) -> Effect:
     """Of what is asked for, which is reported, through a filter: what drives the machine is clipped, and so is noise
     that is reported."""
     (limit,) = shape
-    return Effect(column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.filter_s)))
+    return Effect(
+        column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.beyond.filter_s))
+    )
 
 
 def _ripple(along: Along, shape: Shape) -> Effect:
@@ -297,7 +299,7 @@ def usual(tick_s: float) -> list[Candidate]:
     @run_by_run
     def answered(along: Along, _shape: Shape) -> Effect:
         step = along.run.step_s
-        jump = step * slopes(along.run.drive.held.curve(along.held_late * step), step)
+        jump = step * slopes(along.run.drive.held.curve(along.beyond.held_late * step), step)
         moved, none = jump * step / along.rotor, np.zeros_like(jump)
         return Effect(
             np.stack([jump, none, none], 1),

@@ -106,12 +106,12 @@ def shaft(
     def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
         """What a further opening takes where the coupling touches, and all that it takes."""
         there = along.present.coupling or coupling
-        whole = lost(along, along.gap_rad) - lost(along, along.gap_rad - float(gap[0]))
+        whole = lost(along, along.beyond.gap_rad) - lost(along, along.beyond.gap_rad - float(gap[0]))
         opening = np.column_stack([-0.5 * there.stiffness_nm_rad * along.contact[:, 1], along.winding])
         return between(opening), between(column(float(gap[1]) * along.winding - whole))
 
     def play(along: Along, shape: Shape) -> Effect:
-        further = lost(along, along.gap_rad + shape[0]) - lost(along, along.gap_rad)
+        further = lost(along, along.beyond.gap_rad + shape[0]) - lost(along, along.beyond.gap_rad)
         return between(np.column_stack([-further / shape[0], along.winding]))
 
     @run_by_run
@@ -149,7 +149,7 @@ def shaft(
         more, carried = column(faster @ errors), column(along.carried)
         # what bends the coupling is wound up by it, too; whether a gap touches follows from it, and is the filter's
         straight = column((there.stiffness_nm_rad * further + there.damping_nms * quicker) @ errors)
-        pushes = along.contact[:, :1] * straight if along.gap_rad == 0 else 0 * more
+        pushes = along.contact[:, :1] * straight if along.beyond.gap_rad == 0 else 0 * more
         return (
             Effect(-(1 + more) * pushed - faster * carried, pushed),
             Effect(-pushes - more * carried, pushes),
