@@ -232,6 +232,28 @@ def test_what_was_forgotten_is_not_remembered_by_fewer_samples(data):
     assert set(search.tempered(2.0).table) == set(search.table)
 
 
+def test_a_rival_says_a_curve_by_as_few_numbers_as_the_likeliest(data):
+    """Of 17 times fewer samples a load's torque was told by twelve numbers beside dry friction, and by the 39 it was
+    found by beside one that differs by direction: 17 nats between what nothing tells apart."""
+    dry, apart = (
+        next(i for i, c in enumerate(data.candidates) if c.name == name)
+        for name in ("coulomb_friction", "asymmetric_friction")
+    )
+    few, many = sorted(
+        (i for i, c in enumerate(data.candidates) if c.name == "load_torque" and c.size > 2),
+        key=lambda i: data.candidates[i].size,
+    )
+    search = Search(data, (0, 1, 2))
+    for one, other in ((dry, few), (dry, many), (apart, many)):
+        search.score((Pick(search.first_atom(one), 1.0), Pick(search.first_atom(other), 0.1)))
+    fewer = search.tempered(30.0)
+    _, likeliest = fewer.shares()[0]
+    assert search.kind(likeliest.picks) == {dry, few}
+    rival = fewer.table[frozenset({apart, few})]
+    assert rival.log > fewer.table[frozenset({apart, many})].log
+    assert frozenset({apart, few}) in search.table  # so that it can be brought to rest
+
+
 def test_a_refined_shape_is_better_than_its_neighbours(data):
     index, candidate = next((i, c) for i, c in enumerate(data.candidates) if c.name == "local_friction")
     usual = [

@@ -315,7 +315,19 @@ class Search:
             best = max(best, log + other.unkept(self.kind(large)))
         # to size a curve its set is scored without it, which may have been forgotten
         other.table = {kind: one for kind, one in other.table.items() if kind in self.table}
+        for picks in other._said_alike():
+            other.score(self._as_large(self.score(picks))[1])
         return other
+
+    def _said_alike(self) -> set[Set]:
+        """Sets that say a name by fewer or more numbers, as the likeliest set does, in place of those that say it
+        otherwise: of fewer samples less can be told, and who compares one with the other compares that."""
+        if not self.table:
+            return set()
+        _, likeliest = self.shares()[0]
+        by_name = {self.name(pick): pick for pick in likeliest.picks}
+        found = {tuple(by_name.get(self.name(p), p) for p in one.picks) for one in self.table.values()}
+        return {picks for picks in found if self.kind(picks) not in self.table}
 
     def _as_large(self, one: Scored) -> tuple[float, Set]:
         """How unlikely (log) more than natural sizes of a set's laws are, and its picks with laws as large as found."""
