@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from schwung.explain.location import Residual, interval_of, locate
+from schwung.explain.location.words import sentence
 
 RATE_HZ = 1000.0
 EFFECTS = {
@@ -340,3 +341,12 @@ def test_interval_over_the_turn_may_pass_its_end():
     lo, hi = interval_of(angle, pulse(away, 1.0), period=2 * np.pi)
     assert lo == pytest.approx(2 * np.pi - 0.32, abs=0.03)
     assert hi - lo == pytest.approx(0.84, abs=0.05)
+
+
+def test_what_is_constant_is_not_said_to_change_with_the_direction() -> None:
+    """A load of one sign pushes alike in both: "96 % goes with the direction of motion" was said of a gas spring."""
+    both = sentence("direction", (-1.0, 1.0), (-1.0, 1.0), 0.96, "rotary")
+    assert both.endswith("is constant, or changes with the direction of motion alone.")
+    assert sentence("direction", (1.0, 1.0), (-1.0, 1.0), 0.9, "rotary") == (
+        "In the positive direction, 90 % of what the belief misses is constant."
+    )

@@ -49,7 +49,9 @@ def sentence(
         where = (
             "in both directions" if lo < hi else f"in the {'positive' if lo > 0 else 'negative'} direction"
         )
-        text = f"{where[0].upper()}{where[1:]}, {part} goes with the direction of motion"
+        text = f"{where[0].upper()}{where[1:]}, {part} is constant" + (
+            ", or changes with the direction of motion alone" if lo < hi else ""
+        )
     elif coordinate == "frequency":
         text = f"Near {0.5 * (lo + hi):.4g} Hz, {part} is a vibration of fixed frequency"
     elif coordinate == "run":

@@ -40,10 +40,11 @@ from schwung.explain.publishing.values import (
 from schwung.explain.publishing.written import read_back
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.growth import Progress
+from schwung.explain.weighing.parameters import parameters_of
 from schwung.explain.weighing.repeated import lasting
 from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.values import Parameter, Weighed
-from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of
+from schwung.explain.weighing.weigh import Posterior, posterior_of
 from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.explain.words import unit_on
 from schwung.session.derived import speed_is_derived
@@ -410,8 +411,8 @@ def _possible(one: Parameter, key: Key | None) -> tuple[float, float]:
 
 
 def _wider(one: Parameter, other: Parameter | None) -> Parameter:
-    """A value with the wider of two intervals: how sure it is beside what has no name."""
+    """A value with the wider of two intervals: how sure it is beside what has no name, and over all sets."""
     if other is None or other.high - other.low <= one.high - one.low:
         return one
-    half = (other.high - other.low) / 2
-    return Parameter(one.value, one.value - half, one.value + half)
+    moved = one.value - other.value
+    return Parameter(one.value, other.low + moved, other.high + moved)

@@ -150,6 +150,11 @@ class Plain:
     share: float  # mean square, 0…1
 
 
+def _like(one: Curve, *, linear: bool) -> str:
+    """Which law a curve follows without being surely it: several may be over one coordinate."""
+    return f", like {words_of(one.like, linear=linear).name}," if one.like else ""
+
+
 def over_words(coordinate: str) -> str:
     """What a curve is over."""
     told = coordinate.replace("travel", "the way since a reversal").replace(
@@ -225,7 +230,8 @@ class Published:
         ]
         force = "force" if linear else "torque"
         curves = [
-            f"a {force} over {one.over} without a name ({percent(one.probability)}{_at(one.where)})"
+            f"a {force} over {one.over}{_like(one, linear=linear)} without a name "
+            f"({percent(one.probability)}{_at(one.where)})"
             for one in self.curves
             if one.probability > NAMED
         ]

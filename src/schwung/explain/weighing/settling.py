@@ -180,8 +180,10 @@ def _shut(member: Member) -> bool:
 def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) -> list[Member] | None:
     """With the likeliest gap, all else as it is; None where none is likelier than no gap.
 
-    The likelihood has one maximum over the gap, and far from it no column says where that is. It is looked for in a few
-    runs, for a gap is in all of them, and asked of all where those have one.
+    Far from the likeliest gap no column says where that is. It is looked for in a few runs, for a gap is in all of
+    them, and asked of all where those have one. A smaller gap than the likeliest mostly gains some of what that does;
+    where the load is pressed to one side and thrown to the other, all but those near it are worse than none, and so
+    the middles between are asked as well.
     """
     place = next(i for i, member in enumerate(members) if _shut(member))
     first = replace(weighing, train=few_of(weighing.train))
@@ -196,14 +198,21 @@ def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) ->
         found = tried(log)
         return _cost(linearised(about.view, found, among.noise, None, among.train), found, among)
 
-    grid = np.log([gap for (gap,) in members[place].candidate.shapes])
-    costs, shut = [cost(log) for log in grid], _cost(about, members, first)
-    best = int(np.argmin(costs))
-    if not costs[best] < shut:  # a smaller gap than the likeliest gains some of what that does
+    coarse = np.log([gap for (gap,) in members[place].candidate.shapes])
+    middles = (coarse[1:] + coarse[:-1]) / 2
+    shut = _cost(about, members, first)
+    costs: dict[float, float] = {}
+    for grid in (coarse, middles):
+        costs |= {log: cost(log) for log in grid.tolist()}
+        if min(costs.values()) < shut:
+            break
+    else:
         return None
-    ends = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
+    every = sorted(costs)
+    best = every.index(min(costs, key=costs.__getitem__))
+    ends = every[max(best - 1, 0)], every[min(best + 1, len(every) - 1)]
     found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": _NEARLY})
-    gap = found.x if found.fun < costs[best] else grid[best]
+    gap = found.x if found.fun < costs[every[best]] else every[best]
     return tried(gap) if cost(gap, weighing) < _cost(about, members, weighing) else None
 
 

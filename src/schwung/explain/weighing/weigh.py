@@ -11,7 +11,7 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.causes.along import ranges_of
-from schwung.explain.causes.candidate import NATURAL, RIGHT_TO, Candidate, Shape
+from schwung.explain.causes.candidate import NATURAL, RIGHT_TO
 from schwung.explain.causes.known import known
 from schwung.explain.causes.true_torque import TrueTorque
 from schwung.explain.causes.vocabulary import vocabulary
@@ -22,6 +22,7 @@ from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.grown import Grown, grown
 from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
 from schwung.explain.weighing.one_law import one_law
+from schwung.explain.weighing.parameters import over_sets, parameters_of, tells
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.repeated import motions_of, repeated, telling_noise
 from schwung.explain.weighing.resting import Rests
@@ -37,7 +38,6 @@ from schwung.explain.weighing.wide import wide_fit
 from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, picked_signals_of
-from schwung.motion import Array
 from schwung.session.derived import speed_is_derived
 from schwung.session.model import Session
 
@@ -70,6 +70,7 @@ class Posterior:
     view: View
     growth: Growth
     disproved: frozenset[str] = frozenset()  # by runs kept aside
+    unlawful: frozenset[str] = frozenset()  # laws that do not hold elsewhere
     notes: tuple[str, ...] = ()  # of samples that were not taken as recorded
 
     @cached_property
@@ -83,7 +84,7 @@ class Posterior:
         named = {c.name for c in self.grown.data.candidates if c.named}
         likely = {name: p for name, p in _probabilities(self.sure).items() if p >= TOLD}
         search = self.grown.search
-        likely = {name: p for name, p in likely.items() if name not in self.disproved}
+        likely = {name: p for name, p in likely.items() if name not in self.disproved | self.unlawful}
         right = {name: self.stands.of(search, name) * self._possible(name) for name in likely.keys() & named}
         names = {name: p * right.get(name, 1.0) for name, p in likely.items()}
         damping, both = damping_name(search), self.damped
@@ -111,16 +112,21 @@ class Posterior:
         return holding(search, best, named - unnamed)
 
     def parameters(self, name: str) -> dict[str, Parameter]:
-        """Of a name in the most probable set that holds it; intervals from the coefficients' deviations beside what has
-        no name."""
-        held = self._held(name)
-        return {} if held is None else parameters_of(*held)
-
-    def _held(self, name: str) -> tuple[Search, Scored, Pick, slice] | None:
-        """The most probable set that holds a name, as it is told, and where in it the name is; None: no set does."""
-        of, best = self.grown.search, _holding(self.sure, name)
+        """Of a name in the most probable set that holds it; intervals over all sets that do, from the coefficients'
+        deviations beside what has no name."""
+        best = _holding(self.sure, name)
         if best is None:
-            return None
+            return {}
+        holding = [(p, one) for p, one in self.sure.shares() if self.sure.holds(one.picks, name)]
+        whole = sum(p for p, _ in holding)
+        sets = [(p, one) for p, one in holding if one is best or tells(p, whole)]
+        if not holding or best is not holding[0][1]:  # what contacts damp, which no set holds
+            sets = [(1.0, best)]
+        return over_sets([(p, parameters_of(*self._held(name, one))) for p, one in sets])
+
+    def _held(self, name: str, best: Scored) -> tuple[Search, Scored, Pick, slice]:
+        """A set that holds a name, as it is told, and where in it the name is."""
+        of = self.grown.search
         search = Search(of.data.tempered(self.stands.blurring), of.always)
         scored = search.score(best.picks)
         places = zip(scored.picks, slices(search, scored), strict=True)
@@ -129,10 +135,10 @@ class Posterior:
 
     def _possible(self, name: str) -> float:
         """Chance of what a name was found with, where it is what it says."""
-        held = self._held(name)
-        if held is None:
+        best = _holding(self.sure, name)
+        if best is None:
             return 1.0
-        search, scored, pick, where = held
+        search, scored, pick, where = self._held(name, best)
         candidate = search.candidate(pick)
         if candidate.frictions is None:
             return 1.0
@@ -211,19 +217,20 @@ def posterior_of(
         except TakenLater:
             view, work.done = held.later, 0.0
 
-    def about(best: Scored) -> Posterior:
+    def about(best: Scored, unlawful: frozenset[str] = frozenset()) -> Posterior:
         lost = max(found.best.log - best.log, 0.0)  # with laws that do not hold elsewhere
         stands = standing(found.search, best, beside, one_law, besides=lost)
         sure = found.tempered(stands.tempering)
-        return Posterior(found, stands, sure, tuple(heldout), view, found.growth, notes=mended)
+        held_out = tuple(heldout)
+        return Posterior(found, stands, sure, held_out, view, found.growth, unlawful=unlawful, notes=mended)
 
     outcome = about(found.best)
-    laws = {c.name for c in candidates if c.named} & outcome.refuted
+    laws = frozenset(c.name for c in candidates if c.named) & outcome.refuted
     if not laws:
         return outcome
     # beside a law that does not hold elsewhere, none stands out whose place it can take
     kept = tuple(pick for pick in found.best.picks if found.search.name(pick) not in laws)
-    return about(found.search.score(kept))
+    return about(found.search.score(kept), laws)
 
 
 def _view(session: Session, machine: Machine, groups: Sequence[Sequence[int]], work: Work) -> View:
@@ -265,7 +272,9 @@ def _told(posterior: Posterior) -> Weighed:
     damping = damping_name(search)
     if posterior.damped.off >= TOLD:
         shares[damping] = max(shares.get(damping, 0.0), posterior.gap * posterior.damped.off)
-    names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
+    refuted = posterior.refuted
+    named = (c.name for c in data.candidates if c.named and c.name not in refuted)
+    names = {name: likely[name] for name in named if likely.get(name, 0.0) >= TOLD}
     told = [
         Named(name, p, posterior.parameters(name)) for name, p in names.items() if not _at_bound(sure, name)
     ]
@@ -346,33 +355,6 @@ def _holding(search: Search, name: str) -> Scored | None:
     if sets and name == damping_name(search) and opening_of(search, sets[0].picks) is not None:
         return with_damping(search, sets[0])
     return next((scored for scored in sets if name in map(search.name, scored.picks)), None)
-
-
-def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> dict[str, Parameter]:
-    """Of one cause of a set, whose coefficients are at these places."""
-    candidate, atom = search.candidate(pick), search.data.atoms[pick.atom]
-    centre = scored.exact[where]
-    moved = _spread(candidate, centre, covariance_of(search, scored, pick), atom.shape)
-    return {
-        key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
-        for key, v in candidate.keys(centre, atom.shape).items()
-    }
-
-
-def _spread(candidate: Candidate, centre: Array, covariance: Array, shape: Shape) -> dict[str, float]:
-    """Deviations of the published numbers, by differences over coefficients and shape."""
-    at = np.concatenate([centre, np.array(shape[: covariance.shape[0] - centre.size])])
-    keys = list(candidate.keys(centre, shape))
-    slopes = np.zeros((len(keys), at.size))
-    for i in range(at.size):
-        step = np.eye(at.size)[i] * max(1e-3 * float(np.sqrt(covariance[i, i])), 1e-9 * abs(at[i]), 1e-300)
-        ahead, behind = (
-            candidate.keys(v[: centre.size], (*v[centre.size :].tolist(), *shape[at.size - centre.size :]))
-            for v in (at + step, at - step)
-        )
-        slopes[:, i] = [(ahead[key] - behind[key]) / (2 * step[i]) for key in keys]
-    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, covariance, slopes), 0.0))
-    return dict(zip(keys, deviations.tolist(), strict=True))
 
 
 def _at_bound(search: Search, name: str) -> bool:
