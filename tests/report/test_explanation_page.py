@@ -171,6 +171,18 @@ def test_repeats_that_differ_for_longer_than_noise_are_unexplained_where_nothing
         assert bare.to_json()["lasting"] == {"torque_nm": 0.05, "over_noise": 9.1}
 
 
+def test_what_every_run_has_of_its_own_is_not_unexplained_where_no_file_foresees_it():
+    """A payload that was laid on half of the runs was found in each, and "takes nothing" was said of it."""
+    found = answer()
+    assert found.proof is not None
+    names = tuple(replace(one, each_run=one.in_file) for one in found.names)
+    other = replace(found, names=names, proof=replace(found.proof, before=2.57, after=2.71))
+    assert other.verdict == "partly_explained"
+    assert other.headline.startswith("left out: ")
+    assert "every run has its own of it, so that no file foresees run" in other.headline
+    assert replace(other, names=found.names).verdict == "unexplained"
+
+
 def test_what_runs_that_were_fitted_show_alone_is_no_all_clear():
     """Of a motor that clips in the fastest motion nothing shows on slower ones, which were kept aside."""
     found = replace(answer(), missed_runs=((1, 2.69), (6, 2.8)))

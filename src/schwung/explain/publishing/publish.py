@@ -274,7 +274,8 @@ class _Publishing:
             formula = formulated.get(cause.pick) if cause is not None else None
             text = formula[0].text if formula is not None else ""
             where = places.get(cause.pick) if cause is not None else None
-            result.append(Name(one.name, one.probability, quantities, in_file, text, where))
+            own = cause is not None and self.search.candidate(cause.pick).each_run
+            result.append(Name(one.name, one.probability, quantities, in_file, text, where, own))
         return tuple(result)
 
     def _unit(self, law: str, key: str) -> str:

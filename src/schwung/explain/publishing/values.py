@@ -118,6 +118,7 @@ class Name:
     in_file: bool  # by this name
     formula: str = ""  # of a curve, as good as it on runs that were not fitted
     where: Where | None = None  # None: not published, or of what is reported alone
+    each_run: bool = False  # every run has its own, which no file foresees
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +218,8 @@ class Published:
             return "partly_explained"
         if left <= LITTLE:
             return "partly_explained" if self.missed_runs else "explained"
-        return "unexplained" if self.proof.after > PLAIN and left > _MUCH else "partly_explained"
+        missed = self.proof.after > PLAIN and left > _MUCH and not self._each_run
+        return "unexplained" if missed else "partly_explained"
 
     @property
     def headline(self) -> str:
@@ -248,9 +250,16 @@ class Published:
             return "the belief leaves out nothing that this session tells from noise"
         if self.proof is None:
             return f"left out: {what}; no run could be kept aside to prove it"
+        if self.proof.before > _FLOOR and self.proof.taken <= 0 and self._each_run:
+            return f"left out: {what}; every run has its own of it, so that no file foresees {self._kept_aside()}"
         if self.proof.before > _FLOOR and self.proof.taken <= 0:
             return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    @property
+    def _each_run(self) -> bool:
+        """Whether something is published of which every run has its own."""
+        return any(one.in_file and one.each_run for one in self.names)
 
     @property
     def _one_of(self) -> str:
