@@ -22,7 +22,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Named:
-    """A name, how probable it is, and its parameters in the most probable set that holds it."""
+    """A name, how probable it is, and its parameters: as in the most probable set that holds it, intervals over all."""
 
     name: str
     probability: float
