@@ -55,3 +55,19 @@ def test_a_constant_inertia_is_to_be_measured_first_where_nothing_explains() -> 
     assert table.load.inertia_table is not None
     assert not [*advice(lost, table, RANGES)]
     assert not [*advice(answer(), constant(), RANGES)]
+
+
+def test_a_further_mass_that_the_load_lacks_is_a_part_of_it() -> None:
+    """A stator on a base of 18 Hz: a further mass of 0.001357 kg·m², and a load lighter by 0.001358, as it is not."""
+    mass = Name("extra_compliance", 1.0, {"inertia_kgm2": Quantity(0.001357, "", (0.00133, 0.00139))}, True)
+
+    def beside(delta: float) -> Published:
+        load = Name(
+            "load_inertia", 1.0, {"delta_kgm2": Quantity(delta, "", (delta - 3e-5, delta + 3e-5))}, True
+        )
+        return replace(answer(), names=(mass, load), curves=(), runners_up=())
+
+    (told,) = advice(beside(-0.001358), paper_machine(), RANGES)
+    assert "as heavy as believed" in told
+    assert not [*advice(beside(-0.001), paper_machine(), RANGES)]
+    assert not [*advice(replace(answer(), names=(mass,), curves=()), paper_machine(), RANGES)]

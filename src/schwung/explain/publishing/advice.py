@@ -9,6 +9,7 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.causes.along import Ranges
 from schwung.explain.publishing.values import Published
+from schwung.explain.values import Quantity
 
 #: Angles over which an inertia is averaged.
 _ANGLES = 129
@@ -28,6 +29,11 @@ def advice(of: Published, belief: Machine, ranges: Ranges) -> Iterator[str]:
         yield (
             "this session cannot tell torque_constant from load_inertia: if it is the inertia that is off, every "
             f"torque named here has to be divided by {gain:.3g}"
+        )
+    if _hangs_on_a_spring(of):
+        yield (
+            "the further mass is as much as the load inertia lacks: all in all the load is as heavy as believed, and a "
+            "part of it hangs on a spring, or what the machine stands on gives way"
         )
     if of.lasting is not None and of.verdict == "unexplained":
         yield (
@@ -62,10 +68,20 @@ def _torque_s_scale(of: Published) -> float | None:
     return number if number is not None and number > 0 and _confused(of) else None
 
 
-def _number(of: Published, name: str, key: str) -> float | None:
+def _hangs_on_a_spring(of: Published) -> bool:
+    """Whether a further mass and a lighter load make up for each other, as far as both are known."""
+    further, less = _told(of, "extra_compliance", "inertia_kgm2"), _told(of, "load_inertia", "delta_kgm2")
+    if further is None or less is None or further.ci95 is None or less.ci95 is None:
+        return False
+    as_many_times = _number(of, "load_inertia", "scale") in (None, 1.0)
+    return as_many_times and further.ci95[0] + less.ci95[0] <= 0 <= further.ci95[1] + less.ci95[1]
+
+
+def _told(of: Published, name: str, key: str) -> Quantity | None:
     """Of what is in the file by its name."""
-    for one in of.names:
-        if one.physics == name and one.in_file and key in one.parameters:
-            value = one.parameters[key].value
-            return value if isinstance(value, float) else None
-    return None
+    return next((one.parameters.get(key) for one in of.names if one.physics == name and one.in_file), None)
+
+
+def _number(of: Published, name: str, key: str) -> float | None:
+    told = _told(of, name, key)
+    return told.value if told is not None and isinstance(told.value, float) else None
