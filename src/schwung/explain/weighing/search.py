@@ -325,12 +325,16 @@ class Search:
 
     def _said_alike(self) -> set[Set]:
         """Sets that say a name by fewer or more numbers, as the likeliest set does, in place of those that say it
-        otherwise: of fewer samples less can be told, and who compares one with the other compares that."""
+        otherwise, laws in their natural size: of fewer samples less can be told, and who compares one with the other
+        compares that."""
         if not self.table:
             return set()
         _, likeliest = self.shares()[0]
-        by_name = {self.name(pick): pick for pick in likeliest.picks}
-        found = {tuple(by_name.get(self.name(p), p) for p in one.picks) for one in self.table.values()}
+        as_there = {
+            self.name(pick): Pick(pick.atom, 1.0) if self.candidate(pick).is_law else pick
+            for pick in likeliest.picks
+        }
+        found = {tuple(as_there.get(self.name(p), p) for p in one.picks) for one in self.table.values()}
         return {picks for picks in found if self.kind(picks) not in self.table}
 
     def _as_large(self, one: Scored) -> tuple[float, Set]:
