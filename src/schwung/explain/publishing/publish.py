@@ -274,7 +274,9 @@ class _Publishing:
             formula = formulated.get(cause.pick) if cause is not None else None
             text = formula[0].text if formula is not None else ""
             where = places.get(cause.pick) if cause is not None else None
-            own = cause is not None and self.search.candidate(cause.pick).each_run
+            # the phase of a hum is found in any run, but what it carried is not
+            of = self.search.candidate(cause.pick) if cause is not None else None
+            own = of is not None and of.each_run and of.heavier is not None
             result.append(Name(one.name, one.probability, quantities, in_file, text, where, own))
         return tuple(result)
 

@@ -56,7 +56,7 @@ def _over(each: Sequence[tuple[float, Parameter]], key: str) -> Parameter:
         turns = 2 * np.pi * np.round((centres - value) / (2 * np.pi))
         centres, low, high = centres - turns, low - turns, high - turns
     spreads = (high - low) / (2 * _ENDS)
-    if len(each) == 1 or np.any(spreads <= 0):
+    if len(each) == 1 or not np.all(np.isfinite(spreads) & (spreads > 0)):
         return Parameter(value, float(np.min(low)), float(np.max(high)))
 
     def beyond(at: float, share: float) -> float:

@@ -95,10 +95,6 @@ class Search:
         """The candidate's."""
         return self.candidate(pick).name
 
-    def holds(self, picks: Set, name: str) -> bool:
-        """Whether one of them has this name."""
-        return name in map(self.name, picks)
-
     def index(self, pick: Pick) -> int:
         """Its candidate's number."""
         return self.data.atoms[pick.atom].candidate

@@ -117,7 +117,7 @@ class Posterior:
         best = _holding(self.sure, name)
         if best is None:
             return {}
-        holding = [(p, one) for p, one in self.sure.shares() if self.sure.holds(one.picks, name)]
+        holding = [(p, one) for p, one in self.sure.shares() if name in map(self.sure.name, one.picks)]
         whole = sum(p for p, _ in holding)
         sets = [(p, one) for p, one in holding if one is best or tells(p, whole)]
         if not holding or best is not holding[0][1]:  # what contacts damp, which no set holds
